@@ -1,0 +1,1 @@
+"""Two position-controlled arms bend a flexible sheet, on validated beam physics."""

@@ -1,0 +1,9 @@
+"""What can go wrong, as one family of exceptions."""
+
+
+class DualbendError(Exception):
+    """Base of every error that dualbend raises on purpose."""
+
+
+class InputError(DualbendError):
+    """The user gave something that cannot be used; the message says what would be right."""
