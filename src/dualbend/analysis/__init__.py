@@ -1,0 +1,1 @@
+"""What is learnt from runs and models: metrics, validation, figures."""

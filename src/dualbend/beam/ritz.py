@@ -1,0 +1,257 @@
+"""A planar rod between two clamps as a small dense problem: Legendre-Ritz in the slope θ.
+
+Everything here is without dimension: σ = s/L, p = P L²/EI, v = V L²/EI, q = weight L³/EI and the
+axial compliance κ = EI/(EA L²). The section force (of the right part on the left one) is
+(−p, v + qσ) in (x, z); along the rod it is N = −p cos θ − (v + qσ) sin θ, across T = ∂N/∂θ.
+The rod makes
+
+    Λ(θ, p, v) = ∫ ½ θ'² − N − ½ κ N² dσ + p (c − 1) + v h
+
+stationary, c the shortening 1 − Δx/L and h = Δz/L of the clamps. Its conditions are
+
+    θ'' + (1 + κN) T = 0,   ∫ (1 + κN) cos θ = 1 − c,   −∫ (1 + κN) sin θ = h.
+
+θ is the straight line between the end slopes plus integrated Legendre polynomials, whose
+derivatives are orthonormal: bending contributes the unit matrix, and convergence is spectral.
+Source: Reissner's finite-strain beam without shear, J. Appl. Math. Phys. 23 (1972) 795.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss, legvander
+
+from dualbend.beam._check import FloatArray
+
+OUTPUT_POINTS = 81
+"""Equally spaced arc lengths of a result; L/80 meets the hinges of 10, 20 and 40 strips."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Basis:
+    """Tables of the trial functions φ_k at the Gauss points and at the output points."""
+
+    sigma: FloatArray
+    weights: FloatArray
+    phi: FloatArray
+    slope: FloatArray
+    running: FloatArray
+    """∫₀^σ at the Gauss points of a function known there."""
+    out_sigma: FloatArray
+    out_phi: FloatArray
+    out_slope: FloatArray
+    cumulative: FloatArray
+    """∫₀^σ at the output points of a function known at the Gauss points."""
+
+    @property
+    def modes(self) -> int:
+        """Number of trial functions."""
+        return int(self.phi.shape[1])
+
+
+def _integrated(xi: FloatArray, count: int) -> FloatArray:
+    """∫₀^σ of the Legendre polynomials 1..count in 2σ − 1, each scaled to unit norm on [0, 1]."""
+    table = legvander(xi, count + 1)
+    degree = np.arange(1, count + 1)
+    return np.asarray((table[:, 2:] - table[:, :-2]) / (2.0 * np.sqrt(2.0 * degree + 1.0)))
+
+
+def _legendre(xi: FloatArray, count: int) -> FloatArray:
+    """Return the Legendre polynomials 1..count, each scaled to unit norm on [0, 1]."""
+    degree = np.arange(1, count + 1)
+    return np.asarray(legvander(xi, count)[:, 1:] * np.sqrt(2.0 * degree + 1.0))
+
+
+def _antiderivative(sigma: FloatArray, count: int) -> FloatArray:
+    """∫₀^σ of the first scaled Legendre polynomials, the constant one included."""
+    return np.hstack([sigma[:, None], _integrated(2.0 * sigma - 1.0, count - 1)])
+
+
+@cache
+def basis(modes: int) -> Basis:
+    """Return the tables for a number of trial functions (twice as many Gauss points)."""
+    xi, gauss = leggauss(2 * modes)
+    weights = gauss / 2.0
+    out = np.linspace(0.0, 1.0, OUTPUT_POINTS)
+    points = xi.size
+    norm = np.sqrt(2.0 * np.arange(points) + 1.0)
+    inner = (xi + 1.0) / 2.0
+    coefficients = (legvander(xi, points - 1) * norm).T * weights
+    return Basis(
+        sigma=inner,
+        weights=weights,
+        phi=_integrated(xi, modes),
+        slope=_legendre(xi, modes),
+        running=_antiderivative(inner, points) @ coefficients,
+        out_sigma=out,
+        out_phi=_integrated(2.0 * out - 1.0, modes),
+        out_slope=_legendre(2.0 * out - 1.0, modes),
+        cumulative=_antiderivative(out, points) @ coefficients,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clamps:
+    """What the grippers impose: θ(0), θ(1), the shortening 1 − Δx/L and the climb Δz/L."""
+
+    slope_left: float
+    slope_right: float
+    shortening: float
+    climb: float
+
+    def towards(self, other: "Clamps", part: float) -> "Clamps":
+        """Return the clamps a part (0..1) of the way to another."""
+        rest = 1.0 - part
+        return Clamps(
+            slope_left=rest * self.slope_left + part * other.slope_left,
+            slope_right=rest * self.slope_right + part * other.slope_right,
+            shortening=rest * self.shortening + part * other.shortening,
+            climb=rest * self.climb + part * other.climb,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fields:
+    """Fields of a state at the Gauss points."""
+
+    theta: FloatArray
+    cos: FloatArray
+    sin: FloatArray
+    along: FloatArray
+    across: FloatArray
+    stretch: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """A rod (weight q, axial compliance κ) between clamps, on a basis.
+
+    The unknowns are one vector: coefficients of φ, then p, then v.
+    """
+
+    basis: Basis
+    clamps: Clamps
+    weight: float
+    compliance: float
+
+    def line(self, sigma: FloatArray) -> FloatArray:
+        """Return the straight line between the end slopes."""
+        return self.clamps.slope_left * (1.0 - sigma) + self.clamps.slope_right * sigma
+
+    def fields(self, unknowns: FloatArray) -> Fields:
+        """Return slope, section forces and stretch 1 + κN at the Gauss points."""
+        base = self.basis
+        theta = self.line(base.sigma) + base.phi @ unknowns[:-2]
+        cos, sin = np.cos(theta), np.sin(theta)
+        p, lift = unknowns[-2], unknowns[-1] + self.weight * base.sigma
+        along = -p * cos - lift * sin
+        across = p * sin - lift * cos
+        stretch = 1.0 + self.compliance * along
+        return Fields(theta=theta, cos=cos, sin=sin, along=along, across=across, stretch=stretch)
+
+    def residual(self, unknowns: FloatArray, f: Fields) -> FloatArray:
+        """Return the gradient of Λ."""
+        base, w = self.basis, self.basis.weights
+        bending = unknowns[:-2] - base.phi.T @ (w * f.stretch * f.across)
+        # 1 − cos θ = 2 sin²(θ/2): nothing cancels near the flat sheet.
+        lost = 2.0 * np.sin(f.theta / 2.0) ** 2 - self.compliance * f.along * f.cos
+        chord = self.clamps.shortening - w @ lost
+        climb = w @ (f.stretch * f.sin) + self.clamps.climb
+        return np.concatenate([bending, [chord, climb]])
+
+    def tangent(self, f: Fields) -> FloatArray:
+        """Return the (symmetric) second derivative of Λ in the unknowns."""
+        return self._second_derivative(f, self.basis.phi)
+
+    def _second_derivative(self, f: Fields, phi: FloatArray) -> FloatArray:
+        """Second derivative of Λ for slopes that vary by columns with orthonormal derivatives."""
+        w, kappa = self.basis.weights, self.compliance
+        n = phi.shape[1]
+        matrix = np.empty((n + 2, n + 2))
+        geometric = w * (kappa * f.across**2 - f.stretch * f.along)
+        matrix[:n, :n] = np.eye(n) - phi.T @ (geometric[:, None] * phi)
+        matrix[:n, n] = -phi.T @ (w * (f.stretch * f.sin - kappa * f.cos * f.across))
+        matrix[:n, n + 1] = phi.T @ (w * (f.stretch * f.cos + kappa * f.sin * f.across))
+        matrix[n:, :n] = matrix[:n, n:].T
+        matrix[n, n] = -kappa * (w @ f.cos**2)
+        matrix[n + 1, n + 1] = -kappa * (w @ f.sin**2)
+        matrix[n, n + 1] = matrix[n + 1, n] = -kappa * (w @ (f.sin * f.cos))
+        return matrix
+
+    def end_moments(self, f: Fields) -> tuple[float, float]:
+        """Return θ'(0) and θ'(1) as reactions, −∂Λ/∂θ(0) and ∂Λ/∂θ(1): twice the order of θ'."""
+        sigma = self.basis.sigma
+        load = self.basis.weights * f.stretch * f.across
+        step = self.clamps.slope_right - self.clamps.slope_left
+        return step + float(load @ (1.0 - sigma)), step - float(load @ sigma)
+
+    def stiffness(self, f: Fields) -> FloatArray:
+        """Return the 4 × 4 second derivative of Λ in the clamps θ(0), θ(1), c and h.
+
+        The unknowns follow: H_ββ − H_βu H_uu⁻¹ H_uβ. Λ's gradient there is (−M(0), M(1), p, v).
+        """
+        sigma, n = self.basis.sigma, self.basis.modes
+        columns = np.column_stack([self.basis.phi, 1.0 - sigma, sigma])
+        whole = self._second_derivative(f, columns)
+        # The two lines have the derivatives −1 and 1: orthogonal to φ' but not to each other.
+        whole[n, n + 1] -= 1.0
+        whole[n + 1, n] -= 1.0
+        inner = [*range(n), n + 2, n + 3]
+        mixed = np.zeros((n + 2, 4))
+        mixed[:, :2] = whole[inner, n : n + 2]
+        mixed[n, 2] = mixed[n + 1, 3] = 1.0
+        result = np.zeros((4, 4))
+        result[:2, :2] = whole[n : n + 2, n : n + 2]
+        return np.asarray(result - mixed.T @ np.linalg.solve(whole[np.ix_(inner, inner)], mixed))
+
+    def unstable_directions(self, f: Fields) -> int:
+        """Return how many ways the rod can leave this equilibrium with its clamps held.
+
+        The tangent has one negative eigenvalue per constraint; each further one is such a way.
+        """
+        return int(np.sum(np.linalg.eigvalsh(self.tangent(f)) < 0.0)) - 2
+
+
+def start(problem: Problem) -> FloatArray:
+    """Return a first guess of the unknowns: the shallow U that has the right shortening.
+
+    About the chord, θ = a cos πσ + d cos 2πσ + b sin 2πσ with a, d the odd and even part of the
+    end slopes and the larger root b of the shortening; p and v by least squares.
+    """
+    base, clamps = problem.basis, problem.clamps
+    tilt = -np.arctan2(clamps.climb, 1.0 - clamps.shortening)
+    odd = 0.5 * (clamps.slope_left - clamps.slope_right)
+    even = 0.5 * (clamps.slope_left + clamps.slope_right) - tilt
+    chord = np.hypot(clamps.climb, 1.0 - clamps.shortening)
+    half = 8.0 * odd / (3.0 * np.pi)
+    square = half**2 - odd**2 - even**2 + 4.0 * (1.0 - chord)
+    b = -half + np.sqrt(max(square, 0.0))
+    xi = np.pi * base.sigma
+    slope = -odd * np.sin(xi) - 2.0 * even * np.sin(2.0 * xi) + 2.0 * b * np.cos(2.0 * xi)
+    unknowns = np.concatenate([base.slope.T @ (base.weights * np.pi * slope), [0.0, 0.0]])
+    f = problem.fields(unknowns)
+    columns = base.phi.T @ (base.weights[:, None] * np.stack([f.sin, -f.cos], axis=1))
+    fixed = unknowns[:-2] + base.phi.T @ (base.weights * problem.weight * base.sigma * f.cos)
+    unknowns[-2:] = np.linalg.lstsq(columns, fixed, rcond=1e-10)[0]
+    return unknowns
+
+
+def newton(problem: Problem, unknowns: FloatArray, iterations: int = 25) -> FloatArray | None:
+    """Return the stationary point that Newton's method reaches, or None where it fails."""
+    u = unknowns.copy()
+    for _ in range(iterations):
+        f = problem.fields(u)
+        r = problem.residual(u, f)
+        try:
+            step = np.linalg.solve(problem.tangent(f), -r)
+        except np.linalg.LinAlgError:
+            return None
+        turn = float(np.max(np.abs(problem.basis.phi @ step[:-2])))
+        if not np.isfinite(turn):
+            return None
+        u = u + step * min(1.0, 0.5 / max(turn, 1e-300))
+        size = 1.0 + float(np.max(np.abs(u[-2:])))
+        if turn < 1e-9 and float(np.max(np.abs(step[-2:]))) < 1e-8 * size:
+            return u
+    return None

@@ -1,0 +1,85 @@
+"""The sheet: a rectangular elastic plate strip, held at two opposite edges."""
+
+import math
+from dataclasses import dataclass, fields
+
+from dualbend.beam._check import positive
+from dualbend.errors import InputError
+
+GRAVITY_M_PER_S2 = 9.81
+"""Standard gravity of this project [m/s²]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sheet:
+    """A sheet of size length × width × thickness; the length is the free one between grippers.
+
+    Raises InputError where a size, the modulus or the density is not finite and above zero, the
+    Poisson ratio is outside [0, 0.5), or the thickness exceeds the width.
+    """
+
+    length_m: float
+    width_m: float
+    thickness_m: float
+    young_pa: float
+    poisson_ratio: float
+    density_kg_per_m3: float
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if field.name != "poisson_ratio":
+                positive(field.name, getattr(self, field.name))
+        if not 0.0 <= self.poisson_ratio < 0.5:
+            raise InputError(f"poisson_ratio must lie in [0, 0.5), got {self.poisson_ratio!r}")
+        if self.thickness_m > self.width_m:
+            raise InputError(
+                f"thickness_m must not exceed width_m: got {self.thickness_m!r} > {self.width_m!r}"
+            )
+
+    @property
+    def second_moment_m4(self) -> float:
+        """Second moment of area about the bending axis, I = w t³ / 12 [m⁴]."""
+        return self.width_m * self.thickness_m**3 / 12.0
+
+    @property
+    def bending_stiffness_nm2(self) -> float:
+        """Bending stiffness of the strip as a beam, E I [N m²]."""
+        return self.young_pa * self.second_moment_m4
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass of the free length, ρ L w t [kg]."""
+        return self.density_kg_per_m3 * self.length_m * self.width_m * self.thickness_m
+
+    @property
+    def weight_per_length_n_per_m(self) -> float:
+        """Weight per arc length, q = ρ w t g [N/m]."""
+        return self.mass_kg / self.length_m * GRAVITY_M_PER_S2
+
+    @property
+    def torsion_constant_m4(self) -> float:
+        """Saint-Venant torsion constant of the rectangle [m⁴].
+
+        J = (w t³ / 3) (1 − (192 r / π⁵) Σ tanh(n π / 2r) / n⁵), n odd, r = t / w ≤ 1.
+        About (w t³ / 3) (1 − 0.63 r) for a thin sheet. Source: Timoshenko and Goodier, Theory of
+        Elasticity, art. 109; the rest of the sum after n = 19 is below 1e-6.
+        """
+        ratio = self.thickness_m / self.width_m
+        slender = self.width_m * self.thickness_m**3 / 3.0
+        total = sum(math.tanh(n * math.pi / (2.0 * ratio)) / n**5 for n in range(1, 20, 2))
+        return slender * (1.0 - 192.0 * ratio / math.pi**5 * total)
+
+    @property
+    def torsional_stiffness_nm2(self) -> float:
+        """Torsional stiffness, G J with G = E / (2 (1 + ν)) [N m²]."""
+        return self.young_pa / (2.0 * (1.0 + self.poisson_ratio)) * self.torsion_constant_m4
+
+    @property
+    def axial_stiffness_n(self) -> float:
+        """Axial stiffness, E w t [N]."""
+        return self.young_pa * self.width_m * self.thickness_m
+
+    @property
+    def euler_load_n(self) -> float:
+        """Buckling load between pins, π² E I / L² [N]: the end force of an almost flat sheet."""
+        return math.pi**2 * self.bending_stiffness_nm2 / self.length_m**2

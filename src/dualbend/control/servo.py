@@ -1,0 +1,72 @@
+"""The joint servo: stiff, damped, with feed-forward; the stiffness that a load feels.
+
+The tracking of a command is :mod:`dualbend.control.command_response`'s; this servo follows that response.
+Two separate settings because a proportional servo soft enough to answer at 2 Hz would give way by
+millimetres under a sheet, and the real arm does not.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+
+_COULOMB_SPEED_RAD_PER_S = 1e-4
+"""Reference speed at which most of the Coulomb friction is fed forward: smooths its sign."""
+
+
+class JointServoConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Stiffness and damping of the six joint servos; the default is inferred from the PUMA's resonance."""
+
+    stiffness_n_m_per_rad: Annotated[
+        tuple[Positive, Positive, Positive, Positive, Positive, Positive],
+        msgspec.Meta(description="waist to flange, what a load feels"),
+    ] = (4.5e4, 3.3e4, 0.57e4, 2.0e3, 2.0e3, 2.0e3)
+    damping_ratio: Annotated[float, msgspec.Meta(gt=0, le=5)] = 1.0
+
+
+class JointServo:
+    """Position servo of n joints with feed-forward of speed, acceleration and friction.
+
+    The servo's torque is ``k (u − q) − c q̇``; it follows a reference (q_r, v_r, a_r) without error where the
+    joint obeys ``J a + B v + T_c sign(v) = torque``, if it is sent
+    ``u = q_r + (c + B) v_r / k + J a_r / k + T_c tanh(v_r / v_0) / k``.
+
+    Parameters
+    ----------
+    stiffness, inertia, viscous_friction, coulomb_friction
+        (n,) [N m/rad], [kg m²], [N m s/rad], [N m]; inertia at the home pose, rotor included.
+    damping_ratio
+        Of each joint by itself: ``c = 2 ζ sqrt(k J) − B``, not below 0.
+    """
+
+    def __init__(
+        self,
+        *,
+        stiffness: Vector,
+        inertia: Vector,
+        viscous_friction: Vector,
+        coulomb_friction: Vector,
+        damping_ratio: float,
+    ) -> None:
+        self.stiffness = stiffness
+        self.damping = np.maximum(
+            2.0 * damping_ratio * np.sqrt(stiffness * inertia) - viscous_friction, 0.0
+        )
+        self._speed_gain = (self.damping + viscous_friction) / stiffness
+        self._acceleration_gain = inertia / stiffness
+        self._friction = coulomb_friction / stiffness
+
+    def setpoint(self, position: Vector, speed: Vector, acceleration: Vector) -> Vector:
+        """Return u (..., n) [rad] for a reference position, speed and acceleration (..., n)."""
+        return np.asarray(
+            position
+            + self._speed_gain * speed
+            + self._acceleration_gain * acceleration
+            + self._friction * np.tanh(speed / _COULOMB_SPEED_RAD_PER_S)
+        )

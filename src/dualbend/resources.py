@@ -1,0 +1,34 @@
+"""Where the models and scenarios are, in a wheel as well as in a source checkout."""
+
+from pathlib import Path
+
+from dualbend.errors import DualbendError
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def _find(name: str) -> Path:
+    """Return the folder inside the installed package, else at the top of the checkout.
+
+    Raises
+    ------
+    DualbendError
+        Neither place has the folder: the installation is incomplete.
+    """
+    # src/dualbend/resources.py: two levels above the package is the checkout.
+    candidates = (_PACKAGE / name, _PACKAGE.parents[1] / name)
+    for folder in candidates:
+        if folder.is_dir():
+            return folder
+    looked = " or ".join(str(folder) for folder in candidates)
+    raise DualbendError(f"no folder {name!r}: looked for {looked}; reinstall dualbend")
+
+
+def models_dir() -> Path:
+    """Return the folder that holds one sub-folder per MJCF model."""
+    return _find("models")
+
+
+def scenarios_dir() -> Path:
+    """Return the folder that holds the scenario TOML files."""
+    return _find("scenarios")

@@ -1,0 +1,1 @@
+"""A run: its scenario, the loop, what it leaves behind."""

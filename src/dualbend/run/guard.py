@@ -1,0 +1,89 @@
+"""What ends a run: the controller's protective stop, and a simulation that can no longer be believed."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.scene.arm import JOINT_SPEED_LIMIT_RAD_PER_S, JOINTS
+from dualbend.scene.cell import SIDES
+
+Vector = NDArray[np.float64]
+
+JOINT_LABELS = tuple(f"{side}_{joint}" for side in SIDES for joint in JOINTS)
+
+
+class GuardConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Limits of the robots' own protective stop."""
+
+    following_error_rad: Annotated[
+        float, msgspec.Meta(gt=0, description="joint against its reference")
+    ] = 0.02
+    torque_cycles: Annotated[
+        int, msgspec.Meta(ge=1, description="cycles in a row at the torque limit")
+    ] = 3
+    speed_fraction: Annotated[
+        float, msgspec.Meta(gt=0, le=1, description="of the published joint speeds")
+    ] = 1.0
+
+
+class ProtectiveStop(Exception):  # noqa: N818 - an event of the robot, not an error of ours
+    """The robot controller stops the arms; the message says which joint and why."""
+
+
+class SimulationFailed(Exception):  # noqa: N818 - an outcome of a run
+    """The physics can no longer be believed; the message says why."""
+
+
+class Guard:
+    """Checks, once a command cycle, what a robot controller checks."""
+
+    def __init__(self, config: GuardConfig, joint_range: Vector, torque_limit: Vector) -> None:
+        self._config = config
+        self._low, self._high = joint_range.T
+        self._torque_limit = torque_limit * (1.0 - 1e-6)
+        self._speed_limit = config.speed_fraction * np.tile(JOINT_SPEED_LIMIT_RAD_PER_S, len(SIDES))
+        self._cycles_at_limit = np.zeros(len(JOINT_LABELS), dtype=np.int_)
+
+    def check(self, q: Vector, speed: Vector, torque: Vector, reference: Vector) -> None:
+        """Raise ProtectiveStop where a joint (12,) is outside what the controller allows."""
+        error = q - reference
+        checks = (
+            (np.abs(error), self._config.following_error_rad, "following error", "rad"),
+            (np.abs(speed), self._speed_limit, "speed", "rad/s"),
+        )
+        for value, limit, name, unit in checks:
+            over = value > limit
+            if over.any():
+                i = int(np.argmax(value / limit))
+                allowed = float(np.broadcast_to(limit, value.shape)[i])
+                raise ProtectiveStop(
+                    f"{name} of {JOINT_LABELS[i]} is {value[i]:.4g} {unit}, above {allowed:.4g}"
+                )
+        at_limit = np.abs(torque) >= self._torque_limit
+        self._cycles_at_limit = np.where(at_limit, self._cycles_at_limit + 1, 0)
+        if (self._cycles_at_limit >= self._config.torque_cycles).any():
+            i = int(np.argmax(self._cycles_at_limit))
+            raise ProtectiveStop(
+                f"{JOINT_LABELS[i]} is at its torque limit of {self._torque_limit[i]:.1f} N m "
+                f"for {self._cycles_at_limit[i]} cycles"
+            )
+        outside = (q <= self._low) | (q >= self._high)
+        if outside.any():
+            i = int(np.argmax(outside))
+            raise ProtectiveStop(
+                f"{JOINT_LABELS[i]} is at its range's end, {np.degrees(q[i]):.1f} degrees"
+            )
+
+
+def refuse_warnings(data: mujoco.MjData) -> None:
+    """Raise SimulationFailed where any of MuJoCo's warning counters is above zero."""
+    counts = np.asarray(data.warning.number)
+    if counts.any():
+        kind = int(np.argmax(counts))
+        name = mujoco.mjtWarning(kind).name.removeprefix("mjWARN_")
+        raise SimulationFailed(f"MuJoCo warning {name} (counted {counts[kind]})")

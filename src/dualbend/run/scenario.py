@@ -1,0 +1,283 @@
+"""The scenario: one TOML file, typed and strict, that says everything about a run.
+
+A file may say ``extends = "fig6"`` and give only what differs. Every error is an
+:class:`~dualbend.errors.InputError` with the file, the key, the value and what would be right.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import tomli_w
+
+from dualbend.beam.sheet import Sheet
+from dualbend.control.admittance import AdmittanceConfig
+from dualbend.control.alter import AlterConfig, steps_per_cycle
+from dualbend.control.command_response import CommandResponseConfig
+from dualbend.control.filters import LowPassConfig
+from dualbend.control.force_torque import ForceTorqueConfig
+from dualbend.control.servo import JointServoConfig
+from dualbend.errors import InputError
+from dualbend.resources import scenarios_dir
+from dualbend.run.guard import GuardConfig
+from dualbend.scene.cell import CellConfig, GraspConfig, Side
+from dualbend.scene.sheet import StripConfig
+from dualbend.task.bending import MotionConfig, PathConfig
+
+Outcome = Literal["completed", "protective_stop", "failed"]
+
+
+class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Material, size and division of the sheet; the length is the free one between the grips."""
+
+    length_m: Annotated[float, msgspec.Meta(ge=0.05, le=3.0)]
+    width_m: Annotated[float, msgspec.Meta(ge=0.005, le=3.0)]
+    thickness_m: Annotated[float, msgspec.Meta(ge=1e-5, le=0.01)]
+    young_pa: Annotated[float, msgspec.Meta(ge=1e8, le=1e12)]
+    poisson_ratio: Annotated[float, msgspec.Meta(ge=0, lt=0.5)]
+    density_kg_per_m3: Annotated[float, msgspec.Meta(ge=100, le=25000)]
+    strips: StripConfig = StripConfig()
+
+    def __post_init__(self) -> None:
+        """Refuse what is no thin sheet."""
+        if self.thickness_m > 0.05 * min(self.length_m, self.width_m):
+            raise ValueError(
+                f"thickness_m = {self.thickness_m} is no thin sheet: it must be at most a twentieth "
+                f"of length_m = {self.length_m} and width_m = {self.width_m}; all are in metres"
+            )
+
+    def sheet(self) -> Sheet:
+        """Return the sheet that the beam mathematics speaks of."""
+        return Sheet(
+            length_m=self.length_m,
+            width_m=self.width_m,
+            thickness_m=self.thickness_m,
+            young_pa=self.young_pa,
+            poisson_ratio=self.poisson_ratio,
+            density_kg_per_m3=self.density_kg_per_m3,
+        )
+
+
+class ArmsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Which arms carry a force/torque sensor and which comply.
+
+    A complying arm without a sensor mirrors the deviation of the arm that has one.
+    """
+
+    sensing: Annotated[tuple[Side, ...], msgspec.Meta(min_length=1, max_length=2)] = ("left",)
+    complying: Annotated[tuple[Side, ...], msgspec.Meta(max_length=2)] = ("left",)
+
+    def __post_init__(self) -> None:
+        """Refuse an arm that is named twice."""
+        for name, sides in (("sensing", self.sensing), ("complying", self.complying)):
+            if len(set(sides)) != len(sides):
+                raise ValueError(f"{name} names an arm twice: {list(sides)}")
+
+
+class PhysicsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The physics step."""
+
+    step_s: Annotated[float, msgspec.Meta(gt=0, le=0.028)] = 0.00175
+
+    def __post_init__(self) -> None:
+        """Refuse a step that does not divide the command period."""
+        steps_per_cycle(self.step_s)
+
+
+class ExpectConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Outcomes that are no failure of the command: exit code 0."""
+
+    outcome: Annotated[tuple[Outcome, ...], msgspec.Meta(min_length=1)] = ("completed",)
+
+
+class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Everything about a run."""
+
+    name: Annotated[str, msgspec.Meta(min_length=1)]
+    description: str = ""
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 1
+    sheet: SheetConfig
+    path: PathConfig
+    motion: MotionConfig = MotionConfig()
+    cell: CellConfig = CellConfig()
+    grasp: GraspConfig = GraspConfig()
+    arms: ArmsConfig = ArmsConfig()
+    response: CommandResponseConfig = CommandResponseConfig()
+    servo: JointServoConfig = JointServoConfig()
+    alter: AlterConfig = AlterConfig()
+    sensor: ForceTorqueConfig = ForceTorqueConfig()
+    filter: LowPassConfig = LowPassConfig()
+    compliance: AdmittanceConfig = AdmittanceConfig()
+    guard: GuardConfig = GuardConfig()
+    physics: PhysicsConfig = PhysicsConfig()
+    expect: ExpectConfig = ExpectConfig()
+
+    def to_toml(self) -> str:
+        """Return the resolved scenario: loading it again gives an equal object."""
+        return tomli_w.dumps(_without_none(msgspec.to_builtins(self)))
+
+
+def list_scenarios() -> dict[str, Path]:
+    """Return the shipped scenarios, by name."""
+    return {path.stem: path for path in sorted(scenarios_dir().glob("*.toml"))}
+
+
+def load_scenario(
+    name_or_file: str, settings: Sequence[str] = (), seed: int | None = None
+) -> Scenario:
+    """Load a shipped scenario by name, or a file, with ``path.to.key=value`` settings applied."""
+    path = _find(name_or_file)
+    data = _read(path, seen=())
+    for setting in settings:
+        _apply(data, setting)
+    if seed is not None:
+        data["seed"] = seed
+    return _convert(data, f"{path.name} with --set" if settings else path.name)
+
+
+def _find(name_or_file: str) -> Path:
+    path = Path(name_or_file)
+    if path.suffix == ".toml" or path.is_file():
+        if not path.is_file():
+            raise InputError(f"{name_or_file}: no such file")
+        return path
+    shipped = list_scenarios()
+    if name_or_file not in shipped:
+        close = difflib.get_close_matches(name_or_file, shipped, n=1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
+        raise InputError(
+            f"scenario {name_or_file!r}: {hint}shipped are {', '.join(shipped)}; "
+            "or give the path of a .toml file"
+        )
+    return shipped[name_or_file]
+
+
+def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+    """Return the file's table merged over the one it extends."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path.name}: no valid TOML: {error}") from error
+    base = data.pop("extends", None)
+    if base is None:
+        return data
+    if not isinstance(base, str):
+        raise InputError(f"{path.name}: extends = {base!r}: needs a scenario's name or file")
+    base_path = path.parent / base if base.endswith(".toml") else _find(base)
+    if base_path.resolve() in seen or base_path.resolve() == path.resolve():
+        raise InputError(
+            f"{path.name}: extends = {base!r}: the files extend each other in a circle"
+        )
+    parent = _read(base_path, (*seen, path.resolve()))
+    parent.pop("description", None)
+    return _merge(parent, data)
+
+
+def _merge(base: dict[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``over`` laid upon ``base``; a section of another ``kind`` replaces the whole section."""
+    if "kind" in over and over["kind"] != base.get("kind"):
+        return dict(over)
+    merged = dict(base)
+    for key, value in over.items():
+        if isinstance(value, dict) and isinstance(merged.get(key), dict):
+            merged[key] = _merge(merged[key], value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _apply(data: dict[str, Any], setting: str) -> None:
+    key, equals, text = setting.partition("=")
+    names = key.strip().split(".")
+    if not equals or not all(names):
+        raise InputError(f"--set {setting}: needs path.to.key=value, e.g. alter.delay_cycles=2")
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()
+    table = data
+    for name in names[:-1]:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise InputError(f"--set {setting}: {name!r} is a value, not a section")
+    table[names[-1]] = value
+
+
+def _convert(data: dict[str, Any], source: str) -> Scenario:
+    _refuse_non_finite(data, source, ())
+    _refuse_unknown(data, Scenario, source, ())
+    try:
+        return msgspec.convert(data, Scenario)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{source}: {_explain(data, str(error))}") from error
+
+
+def _refuse_non_finite(value: Any, source: str, keys: tuple[str, ...]) -> None:
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _refuse_non_finite(item, source, (*keys, key))
+    elif isinstance(value, list):
+        for item in value:
+            _refuse_non_finite(item, source, keys)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{source}: {'.'.join(keys)} = {value}: must be a finite number")
+
+
+def _refuse_unknown(data: Any, kind: Any, source: str, keys: tuple[str, ...]) -> None:
+    """Name an unknown key with its nearest valid ones, which msgspec's own message lacks."""
+    struct = _struct_of(kind)
+    if struct is None or not isinstance(data, dict):
+        return
+    fields = {field.encode_name: field.type for field in msgspec.structs.fields(struct)}
+    for key, value in data.items():
+        if key not in fields:
+            close = difflib.get_close_matches(key, fields, n=2, cutoff=0.5)
+            hint = f"did you mean {' or '.join(close)}? " if close else ""
+            shown = "{...}" if isinstance(value, dict) else repr(value)
+            raise InputError(
+                f"{source}: {'.'.join((*keys, key))} = {shown}: unknown key; {hint}"
+                f"valid here: {', '.join(fields)}"
+            )
+        _refuse_unknown(value, fields[key], source, (*keys, key))
+
+
+def _struct_of(kind: Any) -> type[msgspec.Struct] | None:
+    info = msgspec.inspect.type_info(kind)
+    options = info.types if isinstance(info, msgspec.inspect.UnionType) else (info,)
+    for option in options:
+        if isinstance(option, msgspec.inspect.StructType):
+            return option.cls
+    return None
+
+
+def _explain(data: dict[str, Any], message: str) -> str:
+    """Put msgspec's message as key, value and what would be right."""
+    match = re.search(r" - at `\$\.?(.*)`$", message)
+    if match is None:
+        return message
+    keys, text = match.group(1), message[: match.start()]
+    value: Any = data
+    for part in re.findall(r"[^.\[\]]+", keys):
+        if isinstance(value, dict):
+            value = value.get(part)
+        elif isinstance(value, list) and part.isdigit() and int(part) < len(value):
+            value = value[int(part)]
+    shown = "" if isinstance(value, dict) or value is None else f" = {value!r}"
+    return f"{keys}{shown}: {text}"
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list | tuple):
+        return [_without_none(item) for item in value]
+    return value

@@ -1,0 +1,164 @@
+"""The trace of a run: one row a command cycle, one named column with its unit a quantity."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from dualbend.control.controller import Command, Reading
+from dualbend.scene.arm import JOINTS
+from dualbend.scene.cell import SIDES
+from dualbend.scene.ik import IKSolution
+from dualbend.scene.simulation import Observation
+
+Vector = NDArray[np.float64]
+
+WALL_CLOCK_COLUMNS = ("wall_s",)
+"""Columns that differ between two runs of one seed."""
+
+_POSE = (("x", "m"), ("y", "m"), ("z", "m"), ("alpha", "rad"))
+_COMMAND = (("x", "m"), ("z", "m"), ("alpha", "rad"))
+_WRENCH = tuple((f"force_{a}", "N") for a in "xyz") + tuple((f"moment_{a}", "N m") for a in "xyz")
+
+
+def _joint_columns(kind: str, unit: str) -> list[tuple[str, str]]:
+    return [(f"{side}_{kind}_{joint}", unit) for side in SIDES for joint in JOINTS]
+
+
+class Trace:
+    """Rows of a run in memory; what was recorded survives whatever ends the run.
+
+    Parameters
+    ----------
+    cycles
+        Number of rows to make room for.
+    sensing
+        Indices of the arms with a sensor: they get columns for the chain's readings.
+    qpos_size
+        Length of the physics state that is kept beside the columns, for the recording in 3D.
+    hinges
+        Number of bending hinges.
+    """
+
+    def __init__(self, cycles: int, sensing: Sequence[int], qpos_size: int, hinges: int) -> None:
+        self.columns: list[tuple[str, str]] = []
+        self._slices: dict[str, slice] = {}
+        self._declare("clock", [("time", "s"), ("phase", "1")])
+        self._declare(
+            "nominal",
+            [("nominal_alpha", "rad"), ("nominal_half_distance", "m"), ("nominal_z", "m")],
+        )
+        for name, parts in (("grip", _POSE), ("edge", _POSE), ("true", _WRENCH)):
+            self._declare(name, [(f"{s}_{name}_{p}", u) for s in SIDES for p, u in parts])
+        self._declare("sag", [("sag", "m")])
+        self._declare(
+            "deviation",
+            [(f"{s}_deviation_{p}", u) for s in SIDES for p, u in (("x", "m"), ("alpha", "rad"))],
+        )
+        self._declare("command", [(f"{s}_command_{p}", u) for s in SIDES for p, u in _COMMAND])
+        self._declare("q", _joint_columns("q", "rad"))
+        self._declare("setpoint", _joint_columns("setpoint", "rad"))
+        self._declare("torque", _joint_columns("torque", "N m"))
+        self._declare("ik", [("ik_position", "m"), ("ik_rotation", "rad"), ("ik_iterations", "1")])
+        for i in sensing:
+            side = SIDES[i]
+            raw = [(f"{side}_sensor_{p}", u) for p, u in _WRENCH]
+            grip = [("force_x", "N"), ("moment_y", "N m")]
+            self._declare(
+                f"reading{i}",
+                [
+                    *raw,
+                    *((f"{side}_measured_{p}", u) for p, u in grip),
+                    *((f"{side}_filtered_{p}", u) for p, u in grip),
+                ],
+            )
+        self._declare("saturated", [("saturated", "1")])
+        self._declare("wall", [("wall_s", "s")])
+        self.rows = 0
+        self._table = np.full((cycles, len(self.columns)), np.nan)
+        self._qpos = np.empty((cycles, qpos_size))
+        self._bends = np.empty((cycles, hinges))
+
+    def _declare(self, group: str, columns: list[tuple[str, str]]) -> None:
+        start = len(self.columns)
+        self.columns.extend(columns)
+        self._slices[group] = slice(start, len(self.columns))
+
+    def observe(
+        self,
+        time_s: float,
+        phase: int,
+        nominal: Vector,
+        seen: Observation,
+        qpos: Vector,
+        bends: Vector,
+    ) -> None:
+        """Start a row with what is true at the start of the cycle."""
+        row, at = self._table[self.rows], self._slices
+        row[at["clock"]] = time_s, phase
+        row[at["nominal"]] = nominal
+        row[at["grip"]] = seen.grip.ravel()
+        row[at["edge"]] = seen.edge.ravel()
+        row[at["true"]] = seen.wrench.ravel()
+        row[at["sag"]] = seen.sag
+        row[at["q"]] = seen.q
+        row[at["torque"]] = seen.torque
+        self._qpos[self.rows] = qpos
+        self._bends[self.rows] = bends
+        self.rows += 1
+
+    def act(
+        self, readings: dict[int, Reading], command: Command, ik: IKSolution, wall_s: float
+    ) -> None:
+        """Complete the row with what the controller made of it."""
+        row, at = self._table[self.rows - 1], self._slices
+        for i, reading in readings.items():
+            sample = reading.sample
+            row[at[f"reading{i}"]] = (
+                *sample.force_sensor_n,
+                *sample.torque_sensor_nm,
+                reading.force_x_n,
+                reading.moment_y_nm,
+                reading.filtered_force_x_n,
+                reading.filtered_moment_y_nm,
+            )
+        row[at["deviation"]] = command.deviation.ravel()
+        row[at["command"]] = command.pose.ravel()
+        row[at["setpoint"]] = ik.q
+        row[at["ik"]] = ik.position_residual_m, ik.rotation_residual_rad, ik.iterations
+        row[at["saturated"]] = command.saturated
+        row[at["wall"]] = wall_s
+
+    def __getitem__(self, name: str) -> Vector:
+        """Return one column over the recorded rows."""
+        index = [column for column, _ in self.columns].index(name)
+        return self._table[: self.rows, index]
+
+    @property
+    def qpos(self) -> Vector:
+        """Physics positions (rows, nq) at the start of each cycle."""
+        return self._qpos[: self.rows]
+
+    @property
+    def bends(self) -> Vector:
+        """Angles of the bending hinges (rows, hinges) [rad]."""
+        return self._bends[: self.rows]
+
+    def table(self, metadata: dict[str, str]) -> pa.Table:
+        """Return the trace as an Arrow table, each field with its unit."""
+        fields = [
+            pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit in self.columns
+        ]
+        schema = pa.schema(fields, metadata={"dualbend": json.dumps(metadata)})
+        arrays = [pa.array(self._table[: self.rows, i]) for i in range(len(fields))]
+        return pa.Table.from_arrays(arrays, schema=schema)
+
+    def write(self, path: Path, metadata: dict[str, str]) -> None:
+        """Write the trace as Parquet."""
+        pq.write_table(self.table(metadata), path)

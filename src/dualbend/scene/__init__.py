@@ -1,0 +1,1 @@
+"""What MuJoCo simulates: arms, sheet, cell; and the inverse kinematics."""

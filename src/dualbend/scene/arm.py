@@ -1,0 +1,107 @@
+"""The PUMA 560 and its gripper as MuJoCo specifications, and the arm's published constants."""
+
+import math
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dualbend.errors import InputError
+from dualbend.resources import models_dir
+
+JOINTS: Final = ("joint1", "joint2", "joint3", "joint4", "joint5", "joint6")
+"""Joint names from the waist to the flange."""
+
+JAW_JOINTS: Final = ("jaw_upper", "jaw_lower")
+"""Slide joints of the gripper: 0 closed, 0.015 m open, each."""
+
+FLANGE_SITE: Final = "flange"
+"""Mounting face of the arm, axes of DH frame 6."""
+
+GRIP_SITE: Final = "grip"
+"""Gripper centre with the axes of the grip frame G."""
+
+FT_SITE: Final = "ft_site"
+"""Measuring point of the force/torque sensor, axes parallel to the grip frame."""
+
+FT_SENSORS: Final = ("ft_force", "ft_torque")
+"""MuJoCo sensors at `FT_SITE`: what the arm exerts on the tool, so minus the wrench on the arm."""
+
+LEVER_ARM_M: Final = 0.120
+"""Distance from `FT_SITE` to `GRIP_SITE` along x of both [m]."""
+
+SHOULDER_HEIGHT_M: Final = 0.672
+"""Shoulder axis (the base frame's origin) above the floor [m]; RTB-Python, Puma560.py."""
+
+READY_RAD: Final = (0.0, math.pi / 2, -math.pi / 2, 0.0, 0.0, 0.0)
+"""Pose qr of the Robotics Toolbox: arm straight up [rad]."""
+
+NOMINAL_RAD: Final = (0.0, math.pi / 4, math.pi, 0.0, math.pi / 4, 0.0)
+"""Pose qn of the Robotics Toolbox: dexterous; its joint 3 is outside the published range [rad]."""
+
+WORKING_RAD: Final = (0.0, math.radians(97.0), math.radians(-195.0), 0.0, math.radians(8.0), 0.0)
+"""Gripper horizontal along the base's x, grip at (0.5814, -0.15005, 0.3484) m [rad]."""
+
+JOINT_SPEED_LIMIT_RAD_PER_S: Final = (1.92, 1.51, 2.40, 5.34, 5.09, 5.74)
+"""Speed at which the drive's voltage saturates [rad/s]; Corke (1996), Tables 2.18 and 2.21."""
+
+JOINT_STIFFNESS_N_M_PER_RAD: Final = (4.5e4, 3.3e4, 0.57e4, 2.0e3, 2.0e3, 2.0e3)
+"""Joint stiffness with the motors held [N m/rad]; 1-3 inferred from a 14-20 Hz first resonance
+(itself recalled), 4-6 assumed."""
+
+
+def load_arm() -> mujoco.MjSpec:
+    """Return a fresh specification of one PUMA 560 without actuators or gripper.
+
+    The frame of ``base`` is DH frame 0, on the shoulder axis; ``flange`` is where a tool attaches.
+    Gravity compensation reaches the joints only in a model with at least one actuator.
+    """
+    return _load("puma560")
+
+
+def load_gripper() -> mujoco.MjSpec:
+    """Return a fresh specification of the force/torque sensor with the parallel gripper.
+
+    Attach it with ``arm.attach(gripper, site="flange", prefix=...)``.
+    """
+    return _load("gripper")
+
+
+def _load(name: str) -> mujoco.MjSpec:
+    return mujoco.MjSpec.from_file(str(models_dir() / name / f"{name}.xml"))
+
+
+def endpoint_stiffness(jacobian: ArrayLike, joint_stiffness: ArrayLike) -> NDArray[np.float64]:
+    """Return the static stiffness that the end point shows when only the joints give way.
+
+    K = (J Kq⁻¹ Jᵀ)⁻¹, with f = K dx. The stiffness felt along one axis while the others are free
+    to yield is 1 / (K⁻¹)_ii, which is never above K_ii.
+
+    Parameters
+    ----------
+    jacobian : (m, n)
+        End-point Jacobian, m ≤ n [m/rad, rad/rad].
+    joint_stiffness : (n,)
+        Kq, positive [N m/rad].
+
+    Returns
+    -------
+    (m, m) stiffness [N/m, N m/rad], in the Jacobian's frame.
+
+    Raises
+    ------
+    InputError
+        Shapes do not fit, a stiffness is not positive, or J has lost rank (infinite stiffness).
+
+    Source: Salisbury (1980), active stiffness control of a manipulator in Cartesian coordinates.
+    """
+    J = np.asarray(jacobian, dtype=np.float64)
+    kq = np.asarray(joint_stiffness, dtype=np.float64)
+    if J.ndim != 2 or kq.shape != (J.shape[1],):
+        raise InputError(f"jacobian (m, n) needs joint_stiffness (n,), got {J.shape}, {kq.shape}")
+    if not np.all(kq > 0.0):
+        raise InputError(f"joint stiffness must be positive, got {kq} N m/rad")
+    if np.linalg.matrix_rank(J) < J.shape[0]:
+        raise InputError("the Jacobian has lost rank: some direction is infinitely stiff")
+    return np.asarray(np.linalg.inv((J / kq) @ J.T))

@@ -1,0 +1,200 @@
+"""The robot cell as MuJoCo specifications: arms, tools, pads, sheet, one servo actuator a joint."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.beam.sheet import Sheet
+from dualbend.control.servo import JointServo
+from dualbend.scene import arm
+from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, add_sheet
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, Side] = ("left", "right")
+
+Vector = NDArray[np.float64]
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+
+PAD_SITE = "pad"
+_TRANSLATIONS = ("x", "y", "z")
+_WELD_TIME_S = 0.004
+"""Time constant of the weld that holds the sheet's edge to the pads: far above the pads' own."""
+
+
+class CellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the arms and the sheet stand, in the world (z up, x from the left to the right arm)."""
+
+    base_distance_m: Annotated[
+        float, msgspec.Meta(gt=0.3, lt=3, description="waist axis to the mid-plane, along x")
+    ] = 1.075
+    base_lateral_m: Annotated[
+        float, msgspec.Meta(ge=-1, le=1, description="waist axis off the bending plane, along y_B")
+    ] = 0.15005
+    sheet_height_m: Annotated[
+        float, msgspec.Meta(gt=0, lt=3, description="flat sheet above the floor")
+    ] = 0.672
+
+
+class GraspConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Rubber pads between jaw and sheet, as one linear bushing at the gripper centre.
+
+    Two pads of 60 x 20 x 2 mm, G = 1.2 MPa, confined E = 10 MPa: shear 2 G A / t = 1.4e6 N/m,
+    tilt about the bending axis 2 E w l³ / (12 t) = 400 N m/rad.
+    """
+
+    translational_stiffness_n_per_m: Positive = 1.4e6
+    rotational_stiffness_n_m_per_rad: Positive = 400.0
+    loss_time_s: Annotated[
+        float, msgspec.Meta(ge=0, le=0.1, description="damping over stiffness; rubber")
+    ] = 1.6e-3
+
+
+def base_pose(cell: CellConfig, side: Side) -> tuple[Vector, float]:
+    """Return the base frame's origin (3,) [m] in the world and its yaw [rad]."""
+    sign, yaw = (-1.0, 0.0) if side == "left" else (1.0, np.pi)
+    origin = np.array(
+        [sign * cell.base_distance_m, -sign * cell.base_lateral_m, arm.SHOULDER_HEIGHT_M]
+    )
+    return origin, yaw
+
+
+def robots_only(cell: CellConfig) -> mujoco.MjSpec:
+    """Return both arms with their tools and nothing else: 12 joints, for IK and inertia."""
+    spec = mujoco.MjSpec()
+    spec.modelname = "dualbend robots"
+    spec.compiler.degree = False
+    for side in SIDES:
+        _add_arm(spec, cell, side)
+        for joint in arm.JAW_JOINTS:
+            spec.delete(spec.joint(f"{side}_{joint}"))
+    return spec
+
+
+def compose_cell(
+    cell: CellConfig,
+    grasp: GraspConfig,
+    sheet: Sheet,
+    strips: StripConfig,
+    servo: JointServo,
+    step_s: float,
+) -> mujoco.MjSpec:
+    """Return the whole scene: floor, two arms with servos and tools, the sheet held by both."""
+    spec = mujoco.MjSpec()
+    spec.modelname = "dualbend"
+    spec.compiler.degree = False
+    spec.option.timestep = step_s
+    # The only integrator that treats the strips' stiffness implicitly: the highest bending mode
+    # of the chain would otherwise ask for steps of 0.1 ms.
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    # A state that diverged must stay as it was, to be looked at. One island holds everything here,
+    # and its few rows are dense: the general machinery would only cost time (14 % of a step).
+    spec.option.disableflags |= int(
+        mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_ISLAND
+    )
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    _add_surroundings(spec, cell)
+    for i, side in enumerate(SIDES):
+        _add_arm(spec, cell, side)
+        _add_pad(spec, grasp, side)
+        for j, joint in enumerate(arm.JOINTS):
+            _add_servo(spec, f"{side}_{joint}", servo, 6 * i + j)
+    add_sheet(spec, sheet, strips, np.array([0.0, 0.0, cell.sheet_height_m]))
+    for side, end in zip(SIDES, (LEFT_END, RIGHT_END), strict=True):
+        spec.add_equality(
+            name=f"{side}_hold",
+            type=mujoco.mjtEq.mjEQ_WELD,
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            name1=f"{side}_{PAD_SITE}",
+            name2=end,
+            solref=[_WELD_TIME_S, 1.0],
+            solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
+        )
+    return spec
+
+
+def _add_arm(spec: mujoco.MjSpec, cell: CellConfig, side: Side) -> None:
+    """Attach one arm with its tool; every name gets the side as a prefix."""
+    origin, yaw = base_pose(cell, side)
+    frame = spec.worldbody.add_frame(pos=origin, quat=[np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+    spec.attach(arm.load_arm(), frame=frame, prefix=f"{side}_")
+    flange = spec.site(f"{side}_{arm.FLANGE_SITE}")
+    spec.attach(arm.load_gripper(), site=flange, prefix=f"{side}_")
+
+
+def _add_pad(spec: mujoco.MjSpec, grasp: GraspConfig, side: Side) -> None:
+    """Put the rubber pads' compliance between hand and sheet: six sprung joints, 10 g."""
+    hand = spec.body(f"{side}_hand")
+    grip = spec.site(f"{side}_{arm.GRIP_SITE}")
+    pad = hand.add_body(name=f"{side}_pad", pos=grip.pos, quat=grip.quat)
+    pad.explicitinertial = True
+    # Its weight is held up, so that the bushing's springs read the sheet alone.
+    pad.gravcomp = 1.0
+    pad.mass = 0.01
+    pad.ipos = [0.0, 0.0, 0.0]
+    pad.inertia = [3e-6, 1e-6, 3e-6]
+    kinds = (
+        ("slide", mujoco.mjtJoint.mjJNT_SLIDE, grasp.translational_stiffness_n_per_m),
+        ("tilt", mujoco.mjtJoint.mjJNT_HINGE, grasp.rotational_stiffness_n_m_per_rad),
+    )
+    for name, kind, stiffness in kinds:
+        for axis, letter in zip(np.eye(3), _TRANSLATIONS, strict=True):
+            pad.add_joint(
+                name=f"{side}_pad_{name}_{letter}",
+                type=kind,
+                axis=axis,
+                stiffness=stiffness,
+                damping=stiffness * grasp.loss_time_s,
+            )
+    pad.add_site(name=f"{side}_{PAD_SITE}", group=4, size=[0.003, 0.003, 0.003])
+
+
+def _add_servo(spec: mujoco.MjSpec, joint: str, servo: JointServo, index: int) -> None:
+    """Add the position servo of one joint: torque = k (u − q) − c q̇, within the joint's limit."""
+    k, c = float(servo.stiffness[index]), float(servo.damping[index])
+    actuator = spec.add_actuator(
+        name=f"{joint}_servo",
+        target=joint,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+    )
+    actuator.gainprm[0] = k
+    actuator.biasprm[:3] = [0.0, -k, -c]
+
+
+def _add_surroundings(spec: mujoco.MjSpec, cell: CellConfig) -> None:
+    """Floor, light and camera: to look at, they touch nothing."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
+    spec.visual.headlight.ambient[:] = 0.45
+    spec.visual.headlight.diffuse[:] = 0.45
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.93, 0.95, 0.97],
+        rgb2=[0.70, 0.76, 0.82],
+        width=64,
+        height=384,
+    )
+    spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[3.0, 3.0, 0.1],
+        rgba=[0.80, 0.82, 0.84, 1.0],
+        contype=0,
+        conaffinity=0,
+    )
+    spec.worldbody.add_light(
+        name="lamp", pos=[0.5, -2.0, 3.0], dir=[-0.15, 0.55, -0.8], castshadow=True
+    )
+    spec.worldbody.add_camera(
+        name="front",
+        pos=[0.0, -2.3, cell.sheet_height_m + 0.75],
+        xyaxes=[1.0, 0.0, 0.0, 0.0, 0.33, 0.944],
+        fovy=45.0,
+    )

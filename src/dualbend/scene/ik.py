@@ -1,0 +1,114 @@
+"""Inverse kinematics of both arms with mink, on a model that holds the robots and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mink
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.errors import InputError
+from dualbend.scene.arm import GRIP_SITE, JOINTS
+from dualbend.scene.cell import SIDES
+
+Vector = NDArray[np.float64]
+
+TOLERANCE_M = 1e-8
+TOLERANCE_RAD = 1e-8
+"""Residual at which the iteration stops: so small that what is left makes no joint speed to speak of,
+since the sign of a joint's speed decides the friction that is fed forward."""
+
+_MAX_ITERATIONS = 20
+_MAX_HOME_ITERATIONS = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class IKSolution:
+    """Joint angles of both arms and how well they reach their targets."""
+
+    q: Vector
+    position_residual_m: float
+    rotation_residual_rad: float
+    iterations: int
+
+    @property
+    def reached(self) -> bool:
+        """Both residuals are within the tolerance."""
+        return self.position_residual_m <= TOLERANCE_M and (
+            self.rotation_residual_rad <= TOLERANCE_RAD
+        )
+
+
+class InverseKinematics:
+    """Joint angles (12,) that put both grip frames at given poses, within the joint limits.
+
+    Each call does Newton steps ``dq = argmin |J dq − e|²`` subject to the joint limits (a QP in mink), from a
+    start that the caller predicts, until the residual e is below the tolerance.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._configuration = mink.Configuration(model)
+        # Damping far below the tolerance squared: Newton's convergence is kept.
+        self._tasks = [
+            mink.FrameTask(f"{side}_{GRIP_SITE}", "site", position_cost=1.0, orientation_cost=1.0)
+            for side in SIDES
+        ]
+        self._limits = [mink.ConfigurationLimit(model)]
+        self.model = model
+
+    def solve(
+        self,
+        targets: tuple[mink.SE3, mink.SE3],
+        start: Vector,
+        max_iterations: int = _MAX_ITERATIONS,
+    ) -> IKSolution:
+        """Return the joint angles for the grip poses of the left and right arm in the world."""
+        configuration = self._configuration
+        configuration.update(start)
+        for task, target in zip(self._tasks, targets, strict=True):
+            task.set_target(target)
+        for iteration in range(max_iterations + 1):
+            errors = [task.compute_error(configuration) for task in self._tasks]
+            position = max(_norm3(e[:3]) for e in errors)
+            rotation = max(_norm3(e[3:]) for e in errors)
+            if (position <= TOLERANCE_M and rotation <= TOLERANCE_RAD) or (
+                iteration == max_iterations
+            ):
+                break
+            velocity = mink.solve_ik(
+                configuration, self._tasks, 1.0, solver="daqp", damping=1e-12, limits=self._limits
+            )
+            configuration.integrate_inplace(velocity, 1.0)
+        return IKSolution(
+            q=configuration.q.copy(),
+            position_residual_m=position,
+            rotation_residual_rad=rotation,
+            iterations=iteration,
+        )
+
+    def solve_from_home(self, targets: tuple[mink.SE3, mink.SE3], home: Vector) -> IKSolution:
+        """Solve far from a known solution; raise InputError where a target is out of reach."""
+        solution = self.solve(targets, home, _MAX_HOME_ITERATIONS)
+        if not solution.reached:
+            raise InputError(self._unreachable(solution))
+        return solution
+
+    def _unreachable(self, solution: IKSolution) -> str:
+        lower, upper = self.model.jnt_range.T
+        at_limit = [
+            f"{side}_{joint}"
+            for i, (side, joint) in enumerate((s, j) for s in SIDES for j in JOINTS)
+            if min(solution.q[i] - lower[i], upper[i] - solution.q[i]) < 1e-3
+        ]
+        where = f", at the limit of {', '.join(at_limit)}" if at_limit else ""
+        return (
+            f"grip pose out of reach: the nearest that the arms can do misses it by "
+            f"{1e3 * solution.position_residual_m:.1f} mm and "
+            f"{np.degrees(solution.rotation_residual_rad):.2f} degrees{where}"
+        )
+
+
+def _norm3(vector: Vector) -> float:
+    return float(np.sqrt(vector @ vector))

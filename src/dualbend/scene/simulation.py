@@ -1,0 +1,207 @@
+"""The cell in motion: the only place that steps the physics, and what is seen of it each cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.control.alter import TransportDelay, steps_per_cycle
+from dualbend.scene import arm
+from dualbend.scene.cell import PAD_SITE, SIDES, GraspConfig
+from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, bend_joint, strip_body
+
+Vector = NDArray[np.float64]
+
+# A turn by π about z takes the left arm's bending frame to the right arm's: x and y change sign.
+_TO_BENDING = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observation:
+    """The cell at the start of a command cycle; row 0 the left arm, row 1 the right one.
+
+    Attributes
+    ----------
+    q, speed, torque : (12,) joint angles [rad], speeds [rad/s], servo torques [N m]
+    grip, edge : (2, 4) x, y, z [m] and end slope α [rad] of the gripper and of the sheet's edge,
+        each in its arm's bending frame, whose origin is on the floor in the mid-plane
+    wrench : (2, 6) force [N] and moment [N m] of the sheet on the arm, about the gripper centre,
+        in the bending frame
+    sag : height of the two edges' mean above the sheet's middle [m]
+    """
+
+    q: Vector
+    speed: Vector
+    torque: Vector
+    grip: Vector
+    edge: Vector
+    wrench: Vector
+    sag: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorSample:
+    """True wrench on the arms at the wrist sensors, in their frames, as old as the latency says.
+
+    ``wrench`` (2, 6) [N, N m]; ``rotation`` (2, 3, 3) takes sensor axes to the world.
+    """
+
+    wrench: Vector
+    rotation: Vector
+
+
+class Simulation:
+    """A compiled cell and its state, advanced one command cycle at a time.
+
+    Parameters
+    ----------
+    model
+        From :func:`dualbend.scene.cell.compose_cell`.
+    grasp, strips
+        What the model was composed with.
+    latency_steps
+        Age of the sensor sample [physics steps].
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        grasp: GraspConfig,
+        strips: StripConfig,
+        latency_steps: int = 0,
+    ) -> None:
+        self.model, self.data = model, mujoco.MjData(model)
+        self.steps = steps_per_cycle(model.opt.timestep)
+        joints = [model.joint(f"{side}_{name}") for side in SIDES for name in arm.JOINTS]
+        self._q = np.array([joint.qposadr[0] for joint in joints])
+        self._dof = np.array([joint.dofadr[0] for joint in joints])
+        self.joint_range = np.array([joint.range for joint in joints])
+        self.torque_limit = model.jnt_actfrcrange[[joint.id for joint in joints], 1].copy()
+        self._stiffness = -model.actuator_biasprm[:, 1].copy()
+        self._hold_ids(grasp, strips)
+        whole, within = divmod(latency_steps, self.steps)
+        self._sample_step = self.steps - 1 - within
+        self._line = TransportDelay(whole, 2 * (6 + 9))
+
+    def _hold_ids(self, grasp: GraspConfig, strips: StripConfig) -> None:
+        model = self.model
+        self._grips = [model.site(f"{side}_{arm.GRIP_SITE}").id for side in SIDES]
+        self._edges = [model.site(name).id for name in (LEFT_END, RIGHT_END)]
+        self._ft_sites = [model.site(f"{side}_{arm.FT_SITE}").id for side in SIDES]
+        self._ft = np.array(
+            [
+                model.sensor(f"{side}_{name}").adr[0] + np.arange(3)
+                for side in SIDES
+                for name in arm.FT_SENSORS
+            ]
+        ).reshape(2, 6)
+        pads = [model.joint(f"{side}_{PAD_SITE}_slide_x") for side in SIDES]
+        self._pad_q = np.array([pad.qposadr[0] + np.arange(6) for pad in pads])
+        self._pad_dof = np.array([pad.dofadr[0] + np.arange(6) for pad in pads])
+        self._pad_stiffness = np.repeat(
+            [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad], 3
+        )
+        self._pad_damping = grasp.loss_time_s * self._pad_stiffness
+        bends = [model.joint(bend_joint(i)) for i in range(strips.hinges)]
+        self._bend_q = np.array([joint.qposadr[0] for joint in bends])
+        self.bend_stiffness = float(model.jnt_stiffness[bends[0].id].flat[0])
+        self._middle = model.body(strip_body(strips.hinges // 2)).id
+        self._sheet_q = model.joint("sheet").qposadr[0]
+
+    def reset(
+        self, q: Vector, jaw_opening_m: float, slopes: Vector, height_m: float
+    ) -> SensorSample:
+        """Start at rest and return the first sample.
+
+        Joint angles (12,) [rad], opening of each jaw, slopes of the strips (N + 1,) [rad], height
+        of the sheet's middle above the floor.
+        """
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[self._q] = q
+        for side in SIDES:
+            for jaw in arm.JAW_JOINTS:
+                self.data.joint(f"{side}_{jaw}").qpos[0] = jaw_opening_m
+        self.data.qpos[self._bend_q] = np.diff(slopes)
+        self.data.qpos[self._sheet_q + 2] = height_m
+        self.data.ctrl[:] = q
+        mujoco.mj_forward(self.model, self.data)
+        sample = self._sense()
+        self._line.reset(sample)
+        return _unpack(sample)
+
+    @property
+    def bending_angles(self) -> Vector:
+        """Angles of the bending hinges from the left end [rad]; k times them is the moment."""
+        return np.asarray(self.data.qpos[self._bend_q])
+
+    def observe(self) -> Observation:
+        """Bring positions up to date and look; call :meth:`advance` next."""
+        data = self.data
+        mujoco.mj_step1(self.model, data)
+        grip_axes = data.site_xmat[self._grips].reshape(2, 3, 3)
+        load = (
+            self._pad_stiffness * data.qpos[self._pad_q]
+            + self._pad_damping * data.qvel[self._pad_dof]
+        ).reshape(2, 2, 3)
+        wrench = np.einsum("aij,akj->aki", grip_axes, load) * _TO_BENDING[:, np.newaxis]
+        edge = self._planar(self._edges)
+        return Observation(
+            q=data.qpos[self._q],
+            speed=data.qvel[self._dof],
+            torque=data.qfrc_actuator[self._dof],
+            grip=self._planar(self._grips),
+            edge=edge,
+            wrench=wrench.reshape(2, 6),
+            sag=float(edge[:, 2].mean() - data.xpos[self._middle, 2]),
+        )
+
+    def _planar(self, sites: list[int]) -> Vector:
+        pose = np.empty((2, 4))
+        pose[:, :3] = self.data.site_xpos[sites] * _TO_BENDING
+        x_axis = self.data.site_xmat[sites][:, [0, 3, 6]] * _TO_BENDING
+        pose[:, 3] = np.arctan2(-x_axis[:, 2], x_axis[:, 0])
+        return pose
+
+    def advance(self, setpoints: Vector) -> SensorSample:
+        """Run one command cycle on ``setpoints`` (steps, 12) [rad], one row a physics step.
+
+        The Coriolis torques, and any weight that the arms do not compensate by themselves, are fed
+        forward as of the cycle's start.
+        """
+        model, data = self.model, self.data
+        feed_forward = data.qfrc_bias[self._dof] - data.qfrc_gravcomp[self._dof]
+        rows = setpoints + feed_forward / self._stiffness
+        sample = np.empty(0)
+        for step in range(self.steps):
+            data.ctrl[:] = rows[step]
+            if step:
+                mujoco.mj_step(model, data)
+            else:
+                mujoco.mj_step2(model, data)
+            if step == self._sample_step:
+                sample = self._sense()
+        return _unpack(self._line.update(sample))
+
+    def _sense(self) -> Vector:
+        data = self.data
+        # MuJoCo tells what the arm exerts on the tool: the wrench on the arm is its opposite.
+        return np.concatenate(
+            (-data.sensordata[self._ft].ravel(), data.site_xmat[self._ft_sites].ravel())
+        )
+
+
+def _unpack(sample: Vector) -> SensorSample:
+    return SensorSample(wrench=sample[:12].reshape(2, 6), rotation=sample[12:].reshape(2, 3, 3))
+
+
+def tool_mass_and_centre(model: mujoco.MjModel, side: str) -> tuple[float, Vector]:
+    """Return mass [kg] and centre of mass (3,) [m] of what hangs beyond the sensor, in its frame."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    body = model.body(f"{side}_hand").id
+    site = data.site(f"{side}_{arm.FT_SITE}")
+    offset = data.subtree_com[body] - site.xpos
+    return float(model.body_subtreemass[body]), site.xmat.reshape(3, 3).T @ offset

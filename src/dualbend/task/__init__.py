@@ -1,0 +1,1 @@
+"""What the robots do: the phases of an experiment."""

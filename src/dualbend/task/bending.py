@@ -1,0 +1,128 @@
+"""What the two arms do in the paper's experiment: hold, bend along a path, hold.
+
+The sheet's middle stays where it is; the ends come together, rise and tilt (Fig. 2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.beam.elastica import END_SLOPE_GRIPPERS_MEET
+from dualbend.beam.path import ApproximatePath, BendingPath, ExactPath, PiecewiseLinearPath
+from dualbend.beam.time_law import ConstantSpeed, TimeLaw, TrapezoidalSpeed
+from dualbend.control.alter import COMMAND_PERIOD_S
+
+Vector = NDArray[np.float64]
+Phase = Literal["settle", "bend", "hold"]
+PHASES: tuple[Phase, ...] = ("settle", "bend", "hold")
+
+
+class PathConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Which grip poses belong to a bending angle, and from which to which angle."""
+
+    kind: Literal["exact", "piecewise", "approximate"] = "piecewise"
+    start_rad: Annotated[float, msgspec.Meta(ge=0, description="bending angle at the start")] = 0.0
+    end_rad: Annotated[float, msgspec.Meta(gt=0, description="bending angle at the end")] = 1.0
+    interval_rad: (
+        Annotated[float, msgspec.Meta(gt=0, description="length of a linear piece")] | None
+    ) = None
+    pieces: Annotated[int, msgspec.Meta(ge=1, description="number of linear pieces")] | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse angles past the gripper's meeting and a piece-wise path without its pieces."""
+        if not self.start_rad < self.end_rad < END_SLOPE_GRIPPERS_MEET:
+            raise ValueError(
+                f"end_rad must lie between start_rad = {self.start_rad} and "
+                f"{END_SLOPE_GRIPPERS_MEET:.4f} rad, where the grippers meet; got {self.end_rad}"
+            )
+        given = [self.interval_rad is not None, self.pieces is not None]
+        if self.kind == "piecewise" and sum(given) != 1:
+            raise ValueError(
+                'kind = "piecewise" needs either interval_rad (0.2 in Fig. 6) or pieces, not both'
+            )
+        if self.kind != "piecewise" and any(given):
+            raise ValueError(f'kind = "{self.kind}" has no pieces: drop interval_rad and pieces')
+
+
+class MotionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How fast the bending angle grows and how long the arms hold before and after."""
+
+    speed_rad_per_s: Annotated[float, msgspec.Meta(gt=0, le=5)] = 0.1
+    acceleration_rad_per_s2: (
+        Annotated[float, msgspec.Meta(gt=0, description="of a trapezoidal speed; none: constant")]
+        | None
+    ) = None
+    settle_s: Annotated[float, msgspec.Meta(ge=0, le=600)] = 1.0
+    hold_s: Annotated[float, msgspec.Meta(ge=0, le=600)] = 1.0
+
+
+def make_path(config: PathConfig, length_m: float) -> BendingPath:
+    """Return the path of a sheet of free length ``length_m`` [m]."""
+    if config.kind == "exact":
+        return ExactPath(length_m, config.end_rad, config.start_rad)
+    if config.kind == "approximate":
+        return ApproximatePath(length_m, config.end_rad, config.start_rad)
+    if config.pieces is not None:
+        return PiecewiseLinearPath.from_count(
+            length_m, config.end_rad, config.pieces, start_rad=config.start_rad
+        )
+    assert config.interval_rad is not None
+    return PiecewiseLinearPath.from_interval(
+        length_m, config.end_rad, config.interval_rad, start_rad=config.start_rad
+    )
+
+
+def make_time_law(path: PathConfig, motion: MotionConfig) -> TimeLaw:
+    """Return the bending angle over time, from the path's start to its end."""
+    ends = (path.start_rad, path.end_rad, motion.speed_rad_per_s)
+    if motion.acceleration_rad_per_s2 is None:
+        return ConstantSpeed(*ends)
+    return TrapezoidalSpeed(*ends, motion.acceleration_rad_per_s2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NominalMotion:
+    """Nominal grips at every command cycle, the same for both arms in their bending frames.
+
+    Attributes
+    ----------
+    phase : (n,) index into PHASES
+    alpha_rad : (n,) bending angle
+    half_distance_m : (n,) from the mid-plane to the grip
+    rise_m : (n,) of the grips above the sheet's middle
+    """
+
+    phase: NDArray[np.int_]
+    alpha_rad: Vector
+    half_distance_m: Vector
+    rise_m: Vector
+
+    @property
+    def cycles(self) -> int:
+        """Number of command cycles."""
+        return len(self.alpha_rad)
+
+
+def nominal_motion(path: PathConfig, motion: MotionConfig, length_m: float) -> NominalMotion:
+    """Return the nominal motion, one entry a command cycle of 28 ms."""
+    law = make_time_law(path, motion)
+    counts = [
+        int(np.ceil(duration / COMMAND_PERIOD_S - 1e-9))
+        for duration in (motion.settle_s, law.duration_s, motion.hold_s)
+    ]
+    # The last phase owns the sample at its end, so that the run reaches the final angle.
+    counts[-1] += 1
+    since_bending: Vector = (np.arange(sum(counts)) - float(counts[0])) * COMMAND_PERIOD_S
+    alpha = law.at(since_bending)
+    half_distance, rise = make_path(path, length_m).at(alpha)
+    return NominalMotion(
+        phase=np.repeat(np.arange(len(PHASES)), counts),
+        alpha_rad=alpha,
+        half_distance_m=half_distance,
+        rise_m=rise,
+    )

@@ -1,0 +1,185 @@
+"""The command clock, the transport delay and the path modification."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import signal
+
+from dualbend.control import alter
+from dualbend.control.alter import AlterMode, Vector
+from dualbend.errors import InputError
+
+ANGLE = st.floats(-1.5, 1.5)
+LENGTH = st.floats(-1.0, 1.0)
+
+
+def test_servo_ticks_fill_the_command_period() -> None:
+    # Exact by definition, up to one rounding.
+    assert math.isclose(
+        alter.SERVO_TICKS_PER_CYCLE * alter.SERVO_TICK_S, alter.COMMAND_PERIOD_S, rel_tol=1e-15
+    )
+
+
+@given(st.integers(1, 1000))
+def test_every_whole_fraction_of_the_period_is_accepted(count: int) -> None:
+    # Exact: a count.
+    assert alter.steps_per_cycle(alter.COMMAND_PERIOD_S / count) == count
+    assert alter.steps_per_cycle(alter.COMMAND_PERIOD_S / count * (1 + 5e-10)) == count
+
+
+@pytest.mark.parametrize(
+    ("step_s", "nearest"),
+    [(0.001001, ("0.001 s (28 steps)", "27 steps")), (0.003, ("10 steps", "9 steps"))],
+)
+def test_a_step_that_does_not_divide_the_period_names_both_neighbours(
+    step_s: float, nearest: tuple[str, ...]
+) -> None:
+    with pytest.raises(ValueError, match="does not divide") as caught:
+        alter.steps_per_cycle(step_s)
+    assert all(text in str(caught.value) for text in nearest)
+
+
+def test_a_step_longer_than_the_period_is_offered_the_period() -> None:
+    with pytest.raises(ValueError, match=r"0\.028 s \(1 steps\)") as caught:
+        alter.steps_per_cycle(0.03)
+    assert " or " not in str(caught.value)
+
+
+@pytest.mark.parametrize("step_s", [0.0, -0.001, math.nan, math.inf])
+def test_a_step_that_is_no_time_is_refused(step_s: float) -> None:
+    with pytest.raises(ValueError, match="positive"):
+        alter.steps_per_cycle(step_s)
+
+
+@pytest.mark.parametrize("cycles", [0, 1, 2, 5])
+def test_delay_impulse_response_is_its_transfer_function(cycles: int) -> None:
+    delay = alter.TransportDelay(cycles, 2)
+    impulse = np.zeros((12, 2))
+    impulse[0] = (1.0, -3.0)
+    response = np.array([delay.update(row) for row in impulse])
+    # Exact: samples are moved, never computed.
+    assert np.array_equal(response, signal.lfilter(*delay.transfer_function(), impulse, axis=0))
+
+
+def test_delay_reset_gives_the_value_until_the_first_new_one_arrives() -> None:
+    delay = alter.TransportDelay(2, 3)
+    delay.update(np.ones(3))
+    delay.reset([4.0, 5.0, 6.0])
+    sent = np.array([1.0, 2.0, 3.0])
+    received = [delay.update(sent) for _ in range(3)]
+    # Exact.
+    assert np.array_equal(received, [[4, 5, 6], [4, 5, 6], [1, 2, 3]])
+
+
+@pytest.mark.parametrize("cycles", [0, 3])
+def test_delay_keeps_no_reference_to_what_it_was_given(cycles: int) -> None:
+    delay = alter.TransportDelay(cycles, 1)
+    sent = np.ones(1)
+    received = delay.update(sent)
+    before = received.copy()
+    sent[:] = 9.0
+    for _ in range(cycles):
+        last = delay.update(np.zeros(1))
+    # Exact.
+    assert np.array_equal(received, before)
+    assert cycles == 0 or last[0] == 1.0
+
+
+@pytest.mark.parametrize(("cycles", "size"), [(-1, 6), (1, 0)])
+def test_delay_refuses_a_negative_length_and_an_empty_vector(cycles: int, size: int) -> None:
+    with pytest.raises(InputError, match="cycles >= 0"):
+        alter.TransportDelay(cycles, size)
+
+
+def test_modes_agree_on_a_flat_grip_and_part_when_it_turns() -> None:
+    start, turned = 0.0, 0.5
+    poses = {}
+    for mode in ("world", "tool", "tool-frozen"):
+        path = alter.PlanarPathModification(mode)
+        # Analytic: at α = 0 every mode moves along x_B.
+        assert path.compose(-0.3, 0.1, start, 0.01, 0.2) == (-0.29, 0.1, 0.2)
+        poses[mode] = path.compose(-0.3, 0.1, turned, 0.01, 0.2)
+    # Exact: the controller that never updates the tool matrix moves as in world mode from flat.
+    assert poses["tool-frozen"] == poses["world"]
+    # Analytic: the tool's x axis is (cos α, −sin α) in (x, z).
+    assert poses["tool"] == pytest.approx(
+        (-0.3 + 0.01 * math.cos(0.5), 0.1 - 0.01 * math.sin(0.5), 0.7), abs=1e-15
+    )
+
+
+@pytest.mark.parametrize("mode", ["world", "tool", "tool-frozen"])
+def test_deviation_is_not_cumulative(mode: AlterMode) -> None:
+    path = alter.PlanarPathModification(mode)
+    poses = {path.compose(-0.3, 0.1, 0.4, 0.01, 0.2) for _ in range(5)}
+    # Exact: the same input gives the same pose, however often.
+    assert len(poses) == 1
+    assert path.compose(-0.3, 0.1, 0.4, 0.0, 0.0) == (-0.3, 0.1, 0.4)
+
+
+def test_frozen_tool_frame_is_taken_anew_after_reset() -> None:
+    path = alter.PlanarPathModification("tool-frozen")
+    path.compose(0.0, 0.0, 0.3, 0.0, 0.0)
+    path.reset()
+    path.compose(0.0, 0.0, 0.8, 0.0, 0.0)
+    # Analytic.
+    assert path.compose(0.0, 0.0, 1.2, 1.0, 0.0) == pytest.approx(
+        (math.cos(0.8), -math.sin(0.8), 1.2), abs=1e-15
+    )
+
+
+def about_y(angle: float) -> Vector:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+
+@given(
+    mode=st.sampled_from(["world", "tool", "tool-frozen"]),
+    yaw=st.sampled_from([0.0, math.pi]),
+    start=ANGLE,
+    pose=st.tuples(LENGTH, LENGTH, ANGLE),
+    deviation=st.tuples(LENGTH, ANGLE),
+)
+def test_spatial_reduces_to_planar_in_the_bending_plane(
+    mode: AlterMode,
+    yaw: float,
+    start: float,
+    pose: tuple[float, float, float],
+    deviation: tuple[float, float],
+) -> None:
+    base = np.array(
+        [[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
+    )
+    planar, spatial = alter.PlanarPathModification(mode), alter.SpatialPathModification(mode, yaw)
+
+    def lift(x: float, z: float, alpha: float) -> tuple[Vector, Vector]:
+        return base @ [x, 0.0, z], base @ about_y(alpha)
+
+    planar.compose(0.0, 0.0, start, 0.0, 0.0)
+    spatial.compose(*lift(0.0, 0.0, start), 0.0, 0.0)
+    expected = lift(*planar.compose(*pose, *deviation))
+    translation, rotation = spatial.compose(*lift(*pose), *deviation)
+    # Analytic: rounding only.
+    assert np.allclose(translation, expected[0], atol=1e-14)
+    assert np.allclose(rotation, expected[1], atol=1e-14)
+
+
+@pytest.mark.parametrize("mode", ["world", "tool", "tool-frozen"])
+def test_spatial_turn_is_about_the_modes_own_y_axis(mode: AlterMode) -> None:
+    rng = np.random.default_rng(5)
+    first, now = (np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(2))
+    first, now = (r * np.linalg.det(r) for r in (first, now))
+    yaw = 0.4
+    path = alter.SpatialPathModification(mode, yaw)
+    path.compose(np.zeros(3), first, 0.0, 0.0)
+    translation, rotation = path.compose(np.zeros(3), now, 0.01, 0.3)
+    y = {"world": [-math.sin(yaw), math.cos(yaw), 0], "tool": now[:, 1], "tool-frozen": first[:, 1]}
+    x = {"world": [math.cos(yaw), math.sin(yaw), 0], "tool": now[:, 0], "tool-frozen": first[:, 0]}
+    turn = rotation @ now.T
+    # Analytic: the axis of the turn is kept, its angle is δα, the shift is along the mode's x.
+    assert np.allclose(turn @ y[mode], y[mode], atol=1e-14)
+    assert math.isclose(np.trace(turn), 1 + 2 * math.cos(0.3), abs_tol=1e-14)
+    assert np.allclose(translation, 0.01 * np.asarray(x[mode]), atol=1e-16)
+    assert np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-14)
