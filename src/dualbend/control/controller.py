@@ -19,8 +19,9 @@ Vector = NDArray[np.float64]
 class Command:
     """What the controller made of one cycle; row 0 the left arm, row 1 the right one.
 
-    ``deviation`` (2, 2): δx [m], δα [rad] as the admittance gave it. ``pose`` (2, 3): commanded x, z [m], α [rad] in
-    the bending frame, with the deviation that the transport delay let through. ``saturated``: a bound was met.
+    ``deviation`` (2, 2): δx [m], δα [rad] as the admittance gave it. ``pose`` (2, 3): commanded x,
+    z [m], α [rad] in the bending frame, with the deviation that the transport delay let through.
+    ``saturated``: a bound of sensor or deviation was met.
     """
 
     deviation: Vector
@@ -30,7 +31,7 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One sensing arm's cycle: the chain's sample and its horizontal force before and after the low-pass [N]."""
+    """One sensing arm's cycle: the sample, its horizontal force [N] before and after the filter."""
 
     sample: WrenchSample
     force_x_n: float
@@ -77,7 +78,7 @@ class ComplianceController:
         self._source = {i: i if i in chains else leader for i in complying}
 
     def sense(self, wrench: Vector, rotation: Vector, end_slope: Vector) -> dict[int, Reading]:
-        """Measure: true wrenches (2, 6) on the arms, sensor axes (2, 3, 3), grip slopes (2,) [rad]."""
+        """Measure the true wrenches (2, 6) on the arms; axes (2, 3, 3), slopes (2,) [rad]."""
         readings = {}
         for i, chain in self.chains.items():
             sample = chain.update(wrench[i, :3], wrench[i, 3:], rotation[i])

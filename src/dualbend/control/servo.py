@@ -1,8 +1,8 @@
 """The joint servo: stiff, damped, with feed-forward; the stiffness that a load feels.
 
-The tracking of a command is :mod:`dualbend.control.command_response`'s; this servo follows that response.
-Two separate settings because a proportional servo soft enough to answer at 2 Hz would give way by
-millimetres under a sheet, and the real arm does not.
+How a command is tracked is said in :mod:`dualbend.control.command_response`; this servo follows
+that response. They are two settings because a proportional servo soft enough to answer at 2 Hz would
+give way by millimetres under a sheet, and the real arm does not.
 """
 
 from __future__ import annotations
@@ -21,7 +21,11 @@ _COULOMB_SPEED_RAD_PER_S = 1e-4
 
 
 class JointServoConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Stiffness and damping of the six joint servos; the default is inferred from the PUMA's resonance."""
+    """Stiffness and damping of the six joint servos.
+
+    The default is what a first structural resonance of 20 Hz makes of the PUMA 560's joints 1 to 3
+    (inferred); joints 4 to 6 are assumed.
+    """
 
     stiffness_n_m_per_rad: Annotated[
         tuple[Positive, Positive, Positive, Positive, Positive, Positive],
@@ -33,8 +37,8 @@ class JointServoConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 class JointServo:
     """Position servo of n joints with feed-forward of speed, acceleration and friction.
 
-    The servo's torque is ``k (u − q) − c q̇``; it follows a reference (q_r, v_r, a_r) without error where the
-    joint obeys ``J a + B v + T_c sign(v) = torque``, if it is sent
+    The servo's torque is ``k (u − q) − c q̇``; it follows a reference (q_r, v_r, a_r) without error
+    where the joint obeys ``J a + B v + T_c sign(v) = torque``, if it is sent
     ``u = q_r + (c + B) v_r / k + J a_r / k + T_c tanh(v_r / v_0) / k``.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What ends a run: the controller's protective stop, and a simulation that can no longer be believed."""
+"""What ends a run: the robots' protective stop, or physics that can no longer be believed."""
 
 from __future__ import annotations
 

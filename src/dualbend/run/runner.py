@@ -1,4 +1,4 @@
-"""The one loop: every 28 ms, observe, sense, comply, solve, send; until the motion or the robot ends it."""
+"""The one loop: every 28 ms observe, sense, comply, solve, send, until motion or robot ends it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import mink
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +35,9 @@ from dualbend.run.scenario import Outcome, Scenario
 from dualbend.run.trace import Trace
 from dualbend.scene.arm import JOINT_SPEED_LIMIT_RAD_PER_S
 from dualbend.scene.cell import SIDES, compose_cell, robots_only
-from dualbend.scene.ik import InverseKinematics
+from dualbend.scene.ik import InverseKinematics, Targets, grip_targets
 from dualbend.scene.simulation import SensorSample, Simulation, tool_mass_and_centre
-from dualbend.task.bending import PHASES, NominalMotion, nominal_motion
+from dualbend.task.bending import PHASES, nominal_motion
 
 Vector = NDArray[np.float64]
 
@@ -134,11 +133,12 @@ class BendingRun:
         if speed[i] > limit[i]:
             slower = self.scenario.motion.speed_rad_per_s * limit[i] / speed[i]
             raise InputError(
-                f"motion.speed_rad_per_s = {self.scenario.motion.speed_rad_per_s}: {JOINT_LABELS[i]} "
-                f"would turn at {speed[i]:.2f} rad/s, above {limit[i]:.2f}; at most {slower:.2f} here"
+                f"motion.speed_rad_per_s = {self.scenario.motion.speed_rad_per_s}: "
+                f"{JOINT_LABELS[i]} would turn at {speed[i]:.2f} rad/s, above {limit[i]:.2f}; "
+                f"at most {slower:.2f} rad/s of bending here"
             )
 
-    def _nominal_targets(self, cycle: int) -> tuple[mink.SE3, mink.SE3]:
+    def _nominal_targets(self, cycle: int) -> Targets:
         pose = (
             -self.motion.half_distance_m[cycle],
             self._z_m[cycle],
@@ -213,9 +213,8 @@ class BendingRun:
             command = controller.command(readings, x, z, alpha)
             solution = self._ik.solve(grip_targets(command.pose), 2.0 * q - previous)
             if not solution.reached:
-                raise ProtectiveStop(
-                    f"commanded pose out of reach: nearest {1e3 * solution.position_residual_m:.2f} mm off"
-                )
+                miss = 1e3 * solution.position_residual_m
+                raise ProtectiveStop(f"commanded pose out of reach: nearest is {miss:.2f} mm off")
             previous, q = q, solution.q
             reference = self._response.update(q)
             sample = simulation.advance(
@@ -231,20 +230,9 @@ def refuse_snapped(sag_m: float, alpha_rad: float) -> None:
     """Raise SimulationFailed where the sheet's middle has gone to the other side of its ends."""
     if alpha_rad > 0.1 and sag_m < _SNAPPED_SAG_M:
         raise SimulationFailed(
-            f"the sheet snapped into another buckled shape (middle {-1e3 * sag_m:.1f} mm above its ends)"
+            "the sheet snapped into another buckled shape: "
+            f"its middle is {-1e3 * sag_m:.1f} mm above its ends"
         )
-
-
-def grip_targets(pose: Vector) -> tuple[mink.SE3, mink.SE3]:
-    """Return the world poses of both grips from x, z [m], α [rad] (2, 3) in each arm's bending frame."""
-    (x_l, z_l, a_l), (x_r, z_r, a_r) = pose.tolist()
-    cl, sl = np.cos(a_l / 2), np.sin(a_l / 2)
-    cr, sr = np.cos(a_r / 2), np.sin(a_r / 2)
-    # Left: R_y(α). Right: R_z(π) R_y(α), as a quaternion (w, x, y, z).
-    return (
-        mink.SE3(np.array([cl, 0.0, sl, 0.0, x_l, 0.0, z_l])),
-        mink.SE3(np.array([0.0, -sr, 0.0, cr, -x_r, 0.0, z_r])),
-    )
 
 
 def make_servo(scenario: Scenario, robots: mujoco.MjModel, home: Vector) -> JointServo:

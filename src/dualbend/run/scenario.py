@@ -29,9 +29,12 @@ from dualbend.resources import scenarios_dir
 from dualbend.run.guard import GuardConfig
 from dualbend.scene.cell import CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
-from dualbend.task.bending import MotionConfig, PathConfig
+from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
 
 Outcome = Literal["completed", "protective_stop", "failed"]
+
+LONGEST_RUN_S = 3600.0
+"""A run of an hour holds some 10⁵ cycles in memory."""
 
 
 class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -49,7 +52,7 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         """Refuse what is no thin sheet."""
         if self.thickness_m > 0.05 * min(self.length_m, self.width_m):
             raise ValueError(
-                f"thickness_m = {self.thickness_m} is no thin sheet: it must be at most a twentieth "
+                f"thickness_m = {self.thickness_m} is no thin sheet: at most a twentieth "
                 f"of length_m = {self.length_m} and width_m = {self.width_m}; all are in metres"
             )
 
@@ -119,6 +122,16 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     physics: PhysicsConfig = PhysicsConfig()
     expect: ExpectConfig = ExpectConfig()
 
+    def __post_init__(self) -> None:
+        """Refuse a run that is too long to be meant."""
+        law = make_time_law(self.path, self.motion)
+        total = self.motion.settle_s + law.duration_s + self.motion.hold_s
+        if not total <= LONGEST_RUN_S:
+            raise ValueError(
+                f"motion.speed_rad_per_s = {self.motion.speed_rad_per_s} makes a run of "
+                f"{total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
+            )
+
     def to_toml(self) -> str:
         """Return the resolved scenario: loading it again gives an equal object."""
         return tomli_w.dumps(_without_none(msgspec.to_builtins(self)))
@@ -183,7 +196,7 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
 
 
 def _merge(base: dict[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Return ``over`` laid upon ``base``; a section of another ``kind`` replaces the whole section."""
+    """Return ``over`` laid upon ``base``; a section of another ``kind`` replaces it whole."""
     if "kind" in over and over["kind"] != base.get("kind"):
         return dict(over)
     merged = dict(base)
@@ -221,7 +234,7 @@ def _convert(data: dict[str, Any], source: str) -> Scenario:
         raise InputError(f"{source}: {_explain(data, str(error))}") from error
 
 
-def _refuse_non_finite(value: Any, source: str, keys: tuple[str, ...]) -> None:
+def _refuse_non_finite(value: object, source: str, keys: tuple[str, ...]) -> None:
     if isinstance(value, dict):
         for key, item in value.items():
             _refuse_non_finite(item, source, (*keys, key))
@@ -232,7 +245,7 @@ def _refuse_non_finite(value: Any, source: str, keys: tuple[str, ...]) -> None:
         raise InputError(f"{source}: {'.'.join(keys)} = {value}: must be a finite number")
 
 
-def _refuse_unknown(data: Any, kind: Any, source: str, keys: tuple[str, ...]) -> None:
+def _refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ...]) -> None:
     """Name an unknown key with its nearest valid ones, which msgspec's own message lacks."""
     struct = _struct_of(kind)
     if struct is None or not isinstance(data, dict):
@@ -250,7 +263,7 @@ def _refuse_unknown(data: Any, kind: Any, source: str, keys: tuple[str, ...]) ->
         _refuse_unknown(value, fields[key], source, (*keys, key))
 
 
-def _struct_of(kind: Any) -> type[msgspec.Struct] | None:
+def _struct_of(kind: object) -> type[msgspec.Struct] | None:
     info = msgspec.inspect.type_info(kind)
     options = info.types if isinstance(info, msgspec.inspect.UnionType) else (info,)
     for option in options:
@@ -275,7 +288,7 @@ def _explain(data: dict[str, Any], message: str) -> str:
     return f"{keys}{shown}: {text}"
 
 
-def _without_none(value: Any) -> Any:
+def _without_none(value: Any) -> Any:  # noqa: ANN401 - a tree of TOML values
     if isinstance(value, dict):
         return {key: _without_none(item) for key, item in value.items() if item is not None}
     if isinstance(value, list | tuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import mink
@@ -14,11 +15,13 @@ from dualbend.scene.arm import GRIP_SITE, JOINTS
 from dualbend.scene.cell import SIDES
 
 Vector = NDArray[np.float64]
+Targets = tuple[mink.SE3, mink.SE3]
+"""World poses of the left and the right grip frame."""
 
 TOLERANCE_M = 1e-8
 TOLERANCE_RAD = 1e-8
-"""Residual at which the iteration stops: so small that what is left makes no joint speed to speak of,
-since the sign of a joint's speed decides the friction that is fed forward."""
+"""Residual at which the iteration stops: what is left must make no joint speed to speak of, since
+the sign of a joint's speed decides the friction that is fed forward."""
 
 _MAX_ITERATIONS = 20
 _MAX_HOME_ITERATIONS = 200
@@ -44,8 +47,8 @@ class IKSolution:
 class InverseKinematics:
     """Joint angles (12,) that put both grip frames at given poses, within the joint limits.
 
-    Each call does Newton steps ``dq = argmin |J dq − e|²`` subject to the joint limits (a QP in mink), from a
-    start that the caller predicts, until the residual e is below the tolerance.
+    Each call does Newton steps ``dq = argmin |J dq − e|²`` within the joint limits (a QP in mink),
+    from a start that the caller predicts, until the residual e is below the tolerance.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -88,7 +91,7 @@ class InverseKinematics:
             iterations=iteration,
         )
 
-    def solve_from_home(self, targets: tuple[mink.SE3, mink.SE3], home: Vector) -> IKSolution:
+    def solve_from_home(self, targets: Targets, home: Vector) -> IKSolution:
         """Solve far from a known solution; raise InputError where a target is out of reach."""
         solution = self.solve(targets, home, _MAX_HOME_ITERATIONS)
         if not solution.reached:
@@ -108,6 +111,18 @@ class InverseKinematics:
             f"{1e3 * solution.position_residual_m:.1f} mm and "
             f"{np.degrees(solution.rotation_residual_rad):.2f} degrees{where}"
         )
+
+
+def grip_targets(pose: Vector) -> Targets:
+    """Return both grips' world poses from x, z [m], α [rad] (2, 3), each in its bending frame."""
+    (x_l, z_l, a_l), (x_r, z_r, a_r) = pose.tolist()
+    cl, sl = math.cos(a_l / 2), math.sin(a_l / 2)
+    cr, sr = math.cos(a_r / 2), math.sin(a_r / 2)
+    # Left: R_y(α). Right: R_z(π) R_y(α), as a quaternion (w, x, y, z).
+    return (
+        mink.SE3(np.array([cl, 0.0, sl, 0.0, x_l, 0.0, z_l])),
+        mink.SE3(np.array([0.0, -sr, 0.0, cr, -x_r, 0.0, z_r])),
+    )
 
 
 def _norm3(vector: Vector) -> float:

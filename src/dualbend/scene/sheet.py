@@ -1,9 +1,9 @@
 """The flexible sheet as a composite of rigid strips in one kinematic chain.
 
-N bending hinges of stiffness ``k = EI/h``, ``h = L/N``, stand at arc lengths ``h/2, 3h/2, ...``; the two
-end strips have length ``h/2``, so that a clamp acts at the true ends and the error is O(h²). A twist hinge of
-stiffness ``GJ/h`` shares each bending hinge's place. The chain hangs from a free joint at its middle strip:
-half the depth of a chain that starts at an end, which halves the cost of the factorisation.
+N bending hinges of stiffness ``k = EI/h``, ``h = L/N``, stand at arc lengths ``h/2, 3h/2, ...``;
+the two end strips have length ``h/2``, so that a clamp acts at the true ends and the error is
+O(h²). A twist hinge of stiffness ``GJ/h`` shares each bending hinge's place. The chain hangs from a
+free joint at its middle strip: half as deep as from an end, and cheaper to factorise.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class StripConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 def damping_time(sheet: Sheet, damping_ratio: float) -> float:
-    """Ratio β of hinge damping to hinge stiffness [s] for a damping ratio ζ of the first clamped mode.
+    """Return β [s], hinge damping over stiffness, for a damping ratio ζ of the first clamped mode.
 
     ``β = 2 ζ / ω₁`` with ``ω₁ = (4.730/L)² sqrt(EI / ρA)``.
     """
@@ -67,8 +67,8 @@ def add_sheet(
 ) -> None:
     """Add the flat sheet to ``spec``, its middle at ``middle_position_m`` (3,) in the world.
 
-    Every bending hinge's angle is positive where the slope grows along the arc length, so the section's
-    moment is ``EI dθ/ds = k q`` in the sign of :mod:`dualbend.beam.rod`.
+    Every bending hinge's angle is positive where the slope grows along the arc length, so the
+    section's moment is ``EI dθ/ds = k q`` in the sign of :mod:`dualbend.beam.rod`.
     """
     n = config.hinges
     middle = spec.worldbody.add_body(name=strip_body(n // 2), pos=middle_position_m)

@@ -198,7 +198,7 @@ def _unpack(sample: Vector) -> SensorSample:
 
 
 def tool_mass_and_centre(model: mujoco.MjModel, side: str) -> tuple[float, Vector]:
-    """Return mass [kg] and centre of mass (3,) [m] of what hangs beyond the sensor, in its frame."""
+    """Return mass [kg] and centre (3,) [m] of what hangs beyond the sensor, in its frame."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     body = model.body(f"{side}_hand").id

@@ -117,7 +117,9 @@ def nominal_motion(path: PathConfig, motion: MotionConfig, length_m: float) -> N
     ]
     # The last phase owns the sample at its end, so that the run reaches the final angle.
     counts[-1] += 1
-    since_bending: Vector = (np.arange(sum(counts)) - float(counts[0])) * COMMAND_PERIOD_S
+    since_bending = COMMAND_PERIOD_S * np.arange(
+        -counts[0], sum(counts) - counts[0], dtype=np.float64
+    )
     alpha = law.at(since_bending)
     half_distance, rise = make_path(path, length_m).at(alpha)
     return NominalMotion(
