@@ -1,8 +1,8 @@
 """The joint servo: stiff, damped, with feed-forward; the stiffness that a load feels.
 
 How a command is tracked is said in :mod:`dualbend.control.command_response`; this servo follows
-that response. They are two settings because a proportional servo soft enough to answer at 2 Hz would
-give way by millimetres under a sheet, and the real arm does not.
+that response. They are two settings because a proportional servo soft enough to answer at 2 Hz
+would give way by millimetres under a sheet, and the real arm does not.
 """
 
 from __future__ import annotations

@@ -163,6 +163,8 @@ class BendingRun:
             outcome, reason = "protective_stop", str(stop)
         except SimulationFailed as failure:
             outcome, reason = "failed", str(failure)
+        except KeyboardInterrupt:
+            outcome, reason = "failed", "interrupted by the user"
         if reason and trace.rows:
             reason = f"{reason}, at {trace['time'][-1]:.3f} s"
         return RunResult(
@@ -174,6 +176,14 @@ class BendingRun:
             bend_stiffness=self.simulation.bend_stiffness,
             wall_time_s=time.perf_counter() - started,
         )
+
+    def scene_xml(self) -> str:
+        """Return the composed MJCF, with the start of the run as key frame ``start``."""
+        self._start()
+        spec, data = self.spec.copy(), self.simulation.data
+        spec.add_key(name="start", qpos=data.qpos.copy(), ctrl=data.ctrl.copy())
+        spec.compile()
+        return str(spec.to_xml())
 
     def _start(self) -> SensorSample:
         """Put the cell at rest in the first nominal pose."""

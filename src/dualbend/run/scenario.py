@@ -216,13 +216,21 @@ def _apply(data: dict[str, Any], setting: str) -> None:
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        value = text.strip()
+        value = _number_or_text(text.strip())
     table = data
     for name in names[:-1]:
         table = table.setdefault(name, {})
         if not isinstance(table, dict):
             raise InputError(f"--set {setting}: {name!r} is a value, not a section")
     table[names[-1]] = value
+
+
+def _number_or_text(text: str) -> float | str:
+    """Read what a shell user writes without TOML's strictness: .5 and bare words."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def _convert(data: dict[str, Any], source: str) -> Scenario:

@@ -194,7 +194,7 @@ def _add_surroundings(spec: mujoco.MjSpec, cell: CellConfig) -> None:
     )
     spec.worldbody.add_camera(
         name="front",
-        pos=[0.0, -2.3, cell.sheet_height_m + 0.75],
-        xyaxes=[1.0, 0.0, 0.0, 0.0, 0.33, 0.944],
-        fovy=45.0,
+        pos=[0.0, -2.40, cell.sheet_height_m + 0.52],
+        xyaxes=[1.0, 0.0, 0.0, 0.0, 0.26, 0.966],
+        fovy=42.0,
     )

@@ -1,0 +1,174 @@
+"""The numbers of a run, each with its unit: what a summary holds and what CI can gate on."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import math
+import platform
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+
+from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.run.runner import RunResult
+from dualbend.scene.cell import SIDES
+from dualbend.task.bending import PHASES, make_path
+
+Vector = NDArray[np.float64]
+
+OSCILLATION_ABOVE_HZ = 1.0
+"""What the moment does faster than this is oscillation: a linear piece of the path lasts longer."""
+
+OSCILLATION_WINDOW_S = 1.0
+_SHORTEST_RECORD = 36
+_FEWEST_EXTREMES = 3
+_NOTICEABLE = 0.3
+
+
+class Metric(msgspec.Struct, frozen=True):
+    """A value, or one a piece, and its unit; null where the run was too short to tell."""
+
+    value: float | list[float] | None
+    unit: str
+
+
+def bending_rows(result: RunResult) -> NDArray[np.bool_]:
+    """Return which rows of the trace belong to the bending phase (rows,)."""
+    return np.asarray(result.trace["phase"] == PHASES.index("bend"))
+
+
+def sensing_column(result: RunResult, name: str) -> Vector:
+    """Return a column of the first sensing arm, e.g. ``true_moment_y`` (rows,)."""
+    return result.trace[f"{first_sensing_side(result)}_{name}"]
+
+
+def first_sensing_side(result: RunResult) -> str:
+    """Return the sensing arm that the summary speaks of: the left one where both sense."""
+    return next(side for side in SIDES if side in result.scenario.arms.sensing)
+
+
+def compute_metrics(result: RunResult) -> dict[str, Metric]:
+    """Return the metrics of a run.
+
+    Moments and forces are true ones, of the sheet on the sensing arm about its gripper centre,
+    during bending.
+    """
+    rows = bending_rows(result)
+    moment = sensing_column(result, "true_moment_y")[rows]
+    force = np.hypot(
+        sensing_column(result, "true_force_x")[rows], sensing_column(result, "true_force_z")[rows]
+    )
+    oscillation, frequency, growth = oscillation_of(moment)
+    trace, wall = result.trace, result.wall_time_s
+    return {
+        "peak_moment": Metric(_peak(moment), "N m"),
+        "rms_moment": Metric(_finite(np.sqrt(np.mean(moment**2))) if moment.size else None, "N m"),
+        "peak_moment_by_piece": Metric(peak_by_piece(result), "N m"),
+        "peak_force": Metric(_peak(force), "N"),
+        "oscillation": Metric(oscillation, "N m"),
+        "oscillation_frequency": Metric(frequency, "Hz"),
+        "oscillation_growth": Metric(growth, "1/s"),
+        "peak_deviation_x": Metric(_peak(sensing_column(result, "deviation_x")), "m"),
+        "peak_deviation_alpha": Metric(_peak(sensing_column(result, "deviation_alpha")), "rad"),
+        "peak_surface_strain": Metric(_peak(surface_strain(result)), "1"),
+        "ik_residual_max": Metric(_peak(trace["ik_position"]), "m"),
+        "ik_rotation_residual_max": Metric(_peak(trace["ik_rotation"]), "rad"),
+        "saturated_cycles": Metric(float(np.nansum(trace["saturated"])), "1"),
+        "simulated_time": Metric(result.simulated_s, "s"),
+        "realtime_factor": Metric(result.simulated_s / wall, "1"),
+        "wall_time": Metric(wall, "s"),
+    }
+
+
+def peak_by_piece(result: RunResult) -> list[float]:
+    """Return the largest |moment| while the nominal angle is in each piece of the path [N m]."""
+    scenario, rows = result.scenario, bending_rows(result)
+    knots = make_path(scenario.path, scenario.sheet.length_m).knots
+    alpha = result.trace["nominal_alpha"][rows]
+    moment = np.abs(sensing_column(result, "true_moment_y")[rows])
+    piece = np.clip(np.searchsorted(knots, alpha, side="right") - 1, 0, len(knots) - 2)
+    reached = range(int(piece.max()) + 1) if piece.size else ()
+    return [float(moment[piece == k].max()) for k in reached]
+
+
+def surface_strain(result: RunResult) -> Vector:
+    """Return the largest surface strain of each row, ε = |Δθ| t / (2 h) (rows,)."""
+    sheet = result.scenario.sheet
+    spacing = sheet.length_m / sheet.strips.hinges
+    curvature = np.abs(result.trace.bends).max(axis=1, initial=0.0) / spacing
+    return np.asarray(curvature * sheet.thickness_m / 2.0)
+
+
+def oscillation_of(moment: Vector) -> tuple[float | None, float | None, float | None]:
+    """Return amplitude [N m], frequency [Hz] and growth rate [1/s] of a moment's oscillation.
+
+    The moment (rows,), one a command cycle, is passed forward and backward through a high-pass of
+    second order at 1 Hz. Amplitude: √2 times the largest root mean square over 1 s. Frequency: from
+    the distance of the extremes of at least 0.3 of the largest; None below 1 Hz, where they are the
+    path's own knots. Growth: slope of the logarithm of the extremes that grow one after the other
+    up to the largest; 0 where fewer than three do. Meaningful where a piece of the path lasts
+    longer than 1 s. All None where the record is too short.
+    """
+    if moment.size < _SHORTEST_RECORD:
+        return None, None, None
+    rate = 1.0 / COMMAND_PERIOD_S
+    sections = signal.butter(2, OSCILLATION_ABOVE_HZ, "highpass", fs=rate, output="sos")
+    fast = np.asarray(signal.sosfiltfilt(sections, moment))
+    window = np.ones(round(OSCILLATION_WINDOW_S * rate))
+    power = np.convolve(fast**2, window / window.size, mode="valid")
+    amplitude = math.sqrt(2.0 * float(power.max()))
+    at, _ = signal.find_peaks(np.abs(fast))
+    heights = np.abs(fast)[at]
+    if at.size < _FEWEST_EXTREMES:
+        return amplitude, None, 0.0
+    noticeable = at[heights >= _NOTICEABLE * heights.max()]
+    frequency = None
+    if noticeable.size >= _FEWEST_EXTREMES:
+        frequency = 0.5 / (float(np.median(np.diff(noticeable))) * COMMAND_PERIOD_S)
+    if frequency is None or frequency < OSCILLATION_ABOVE_HZ:
+        return amplitude, None, 0.0
+    return amplitude, frequency, _growth(at * COMMAND_PERIOD_S, heights)
+
+
+def _growth(times_s: Vector, heights: Vector) -> float:
+    last = int(np.argmax(heights))
+    first = last
+    while first > 0 and heights[first - 1] < heights[first]:
+        first -= 1
+    if last - first + 1 < _FEWEST_EXTREMES:
+        return 0.0
+    run = slice(first, last + 1)
+    return float(np.polyfit(times_s[run], np.log(heights[run]), 1)[0])
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that a result depends on."""
+    packages = ("dualbend", "mujoco", "numpy", "scipy", "mink", "daqp", "rerun-sdk")
+    found = {name: importlib.metadata.version(name) for name in packages}
+    return {"python": platform.python_version(), **found}
+
+
+def summary(result: RunResult) -> dict[str, Any]:
+    """Return what ``summary.json`` holds."""
+    return {
+        "scenario": result.scenario.name,
+        "seed": result.scenario.seed,
+        "outcome": result.outcome,
+        "reason": result.reason,
+        "versions": versions(),
+        "metrics": {
+            name: msgspec.to_builtins(metric) for name, metric in compute_metrics(result).items()
+        },
+    }
+
+
+def _peak(values: Vector) -> float | None:
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max()) if finite.size else None
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

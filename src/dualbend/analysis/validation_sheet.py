@@ -1,0 +1,248 @@
+"""The strips against the rod: force, moment, order of convergence, natural frequencies.
+
+The sheet hangs here between two ideal grips, a scene of its own: no arms and no pads, and welds so
+stiff that they give way by less than 0.2 µm. What is compared are statics at the poses that the
+grips impose, so the strips are settled at each point; their damping, which statics do not feel,
+is far above the shipped one to make that quick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from dualbend.analysis.validation_row import Row, at_least, relative
+from dualbend.beam import elastica, rod
+from dualbend.beam.path import BendingPath, ExactPath, PiecewiseLinearPath
+from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
+from dualbend.run.scenario import load_scenario
+from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, add_sheet, bend_joint
+
+Vector = NDArray[np.float64]
+
+CLAMPED_ROOTS = (4.730040744862704, 7.853204624095838, 10.995607838001671)
+"""First roots b of cosh(b) cos(b) = 1; ω = (b/L)² √(EI/ρA)."""
+
+FIRST_SLOPE_RAD, LAST_SLOPE_RAD = 0.05, 1.0
+"""End slopes compared. Below the first, P on the linear piece nears the clamped load 4π² EI/L²:
+half the wave length, so four times the strips' error, (2π h/L)²/12 = 0.8 % for 20 hinges."""
+
+INTERVAL_RAD = 0.2
+_SETTLING_DAMPING = 0.5
+_STEP_S = 2.5e-4
+_WELD_TIME_S = 5e-4
+_MOVE_S, _SETTLE_S, _FIRST_SETTLE_S = 0.05, 0.15, 0.4
+_RING_S = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class EndLoads:
+    """End force P [N] (compression positive) and moment at the left grip [N m], both (n,)."""
+
+    force_n: Vector
+    moment_nm: Vector
+
+
+def default_sheet() -> tuple[Sheet, StripConfig]:
+    """Return the shipped experiment's sheet and how it is divided."""
+    settings = load_scenario("fig6").sheet
+    return settings.sheet(), settings.strips
+
+
+def ideal_grips(
+    sheet: Sheet,
+    strips: StripConfig,
+    *,
+    weight: bool,
+    step_s: float = _STEP_S,
+    weld_time_s: float = _WELD_TIME_S,
+) -> mujoco.MjModel:
+    """Return the sheet alone, its edges welded to two bodies that are moved at will."""
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = step_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    spec.option.gravity = [0.0, 0.0, -GRAVITY_M_PER_S2 if weight else 0.0]
+    add_sheet(spec, sheet, strips, np.zeros(3))
+    for name, end in (("left", LEFT_END), ("right", RIGHT_END)):
+        grip = spec.worldbody.add_body(name=name, mocap=True)
+        grip.add_site(name=f"{name}_grip")
+        spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_WELD,
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            name1=f"{name}_grip",
+            name2=end,
+            solref=[weld_time_s, 1.0],
+            solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
+        )
+    return spec.compile()
+
+
+def _place(data: mujoco.MjData, alpha: float, half_distance: float) -> None:
+    c, s = np.cos(alpha / 2.0), np.sin(alpha / 2.0)
+    data.mocap_pos[:] = [[-half_distance, 0.0, 0.0], [half_distance, 0.0, 0.0]]
+    data.mocap_quat[:] = [[c, 0.0, s, 0.0], [0.0, -s, 0.0, c]]
+
+
+def _start(
+    model: mujoco.MjModel, sheet: Sheet, hinges: int, alpha: float, half_distance: float
+) -> mujoco.MjData:
+    """Put the strips on the elastica of this half distance: the branch that is meant."""
+    data = mujoco.MjData(model)
+    slope = elastica.end_slope_from_half_distance(half_distance, sheet.length_m)
+    arcs = np.linspace(0.0, sheet.length_m, hinges + 1)
+    _, _, slopes = elastica.shape(slope, sheet.length_m, arcs)
+    data.qpos[[model.joint(bend_joint(i)).qposadr[0] for i in range(hinges)]] = np.diff(slopes)
+    data.qpos[2] = -elastica.rise(slope, sheet.length_m)
+    _place(data, alpha, half_distance)
+    return data
+
+
+def settled_loads(
+    sheet: Sheet, hinges: int, path: BendingPath, alphas: Vector, *, weight: bool
+) -> EndLoads:
+    """Return the loads on the left grip at rest at each α of a path (n,)."""
+    strips = StripConfig(hinges=hinges, damping_ratio=_SETTLING_DAMPING)
+    model = ideal_grips(sheet, strips, weight=weight)
+    alpha = float(alphas[0])
+    data = _start(model, sheet, hinges, alpha, path.at(alpha)[0])
+    mujoco.mj_step(model, data, nstep=round(_FIRST_SETTLE_S / _STEP_S))
+    loads = []
+    for target in alphas.tolist():
+        for between in np.linspace(alpha, target, round(_MOVE_S / _STEP_S)).tolist():
+            _place(data, between, path.at(between)[0])
+            mujoco.mj_step(model, data)
+        mujoco.mj_step(model, data, nstep=round(_SETTLE_S / _STEP_S))
+        mujoco.mj_forward(model, data)
+        loads.append(_left_load(model, data))
+        alpha = target
+    force, moment = np.array(loads).T
+    return EndLoads(force_n=force, moment_nm=moment)
+
+
+def _left_load(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[float, float]:
+    """Find the two end wrenches w in Jᵀ w = τ: all that the constraints do, they do at the ends."""
+    jacobian = np.zeros((12, model.nv))
+    for i, end in enumerate((LEFT_END, RIGHT_END)):
+        rows = jacobian[6 * i : 6 * i + 6]
+        mujoco.mj_jacSite(model, data, rows[:3], rows[3:], model.site(end).id)
+    wrench, *_ = np.linalg.lstsq(jacobian.T, data.qfrc_constraint, rcond=None)
+    return float(wrench[0]), -float(wrench[4])
+
+
+def oracle_loads(sheet: Sheet, path: BendingPath, alphas: Vector, *, weight: bool) -> EndLoads:
+    """Return the same loads of the rod that cannot stretch, as the strips cannot; NaN unsolved."""
+    q = sheet.weight_per_length_n_per_m if weight else 0.0
+    points = [(alpha, path.at(alpha)[0]) for alpha in alphas.tolist()]
+    states = rod.follow_symmetric(sheet.bending_stiffness_nm2, sheet.length_m, points, q)
+    loads = [(s.end_force_n, s.end_moment_nm) if s.converged else (np.nan, np.nan) for s in states]
+    force, moment = np.array(loads).T
+    return EndLoads(force_n=force, moment_nm=moment)
+
+
+def first_peak_moment(sheet: Sheet) -> float:
+    """Return the largest |M| on the first 0.2 rad piece [N m], by the oracle without weight."""
+    path = PiecewiseLinearPath.from_interval(sheet.length_m, INTERVAL_RAD, INTERVAL_RAD)
+    alphas = np.linspace(0.1, 0.9, 41) * INTERVAL_RAD
+    return float(np.max(np.abs(oracle_loads(sheet, path, alphas, weight=False).moment_nm)))
+
+
+def load_rows(points: int = 20) -> Iterator[Row]:
+    """Compare force and moment with the oracle on two paths, with and without weight.
+
+    The force's error is relative to the oracle's P or the Euler load, whichever is larger, because
+    with weight P passes through zero; the moment's to the first peak of the 0.2 rad path. Each row
+    is the worst of the points.
+    """
+    sheet, strips = default_sheet()
+    length, peak = sheet.length_m, first_peak_moment(sheet)
+    paths: tuple[tuple[str, BendingPath], ...] = (
+        ("0.2 rad path", PiecewiseLinearPath.from_interval(length, LAST_SLOPE_RAD, INTERVAL_RAD)),
+        ("exact path", ExactPath(length, LAST_SLOPE_RAD)),
+    )
+    alphas = np.linspace(FIRST_SLOPE_RAD, LAST_SLOPE_RAD, points)
+    for path_name, path in paths:
+        for weight, load in ((False, "no weight"), (True, "with weight")):
+            found = settled_loads(sheet, strips.hinges, path, alphas, weight=weight)
+            wanted = oracle_loads(sheet, path, alphas, weight=weight)
+            where = f"{path_name}, {load}, {FIRST_SLOPE_RAD:g}-{LAST_SLOPE_RAD:g} rad"
+            scale = np.maximum(np.abs(wanted.force_n), sheet.euler_load_n)
+            i = _worst((found.force_n - wanted.force_n) / scale)
+            yield relative(
+                f"sheet end force, {where}",
+                found.force_n[i],
+                wanted.force_n[i],
+                "N",
+                0.005,
+                scale[i],
+            )
+            i = _worst(found.moment_nm - wanted.moment_nm)
+            yield relative(
+                f"sheet end moment over first peak, {where}",
+                found.moment_nm[i],
+                wanted.moment_nm[i],
+                "N m",
+                0.01,
+                peak,
+            )
+
+
+def _worst(error: Vector) -> int:
+    """Return where |error| is largest; a NaN counts as larger than anything."""
+    return int(np.argmax(np.where(np.isnan(error), np.inf, np.abs(error))))
+
+
+def convergence_order(hinges: Sequence[int] = (10, 20, 40), points: int = 4) -> float:
+    """Return the order p of |ΔP| ~ Nᵖ⁻ on the exact path without weight, by a fit over N.
+
+    ΔP is the root mean square over end slopes from 0.4 to 1 rad of the difference from the oracle.
+    """
+    sheet, _ = default_sheet()
+    path = ExactPath(sheet.length_m, LAST_SLOPE_RAD)
+    alphas = np.linspace(0.4, LAST_SLOPE_RAD, points)
+    wanted = oracle_loads(sheet, path, alphas, weight=False).force_n
+    errors = [
+        np.sqrt(
+            np.mean((settled_loads(sheet, n, path, alphas, weight=False).force_n - wanted) ** 2)
+        )
+        for n in hinges
+    ]
+    return -float(np.polyfit(np.log(hinges), np.log(errors), 1)[0])
+
+
+def clamped_frequencies(sheet: Sheet, hinges: int, count: int = 3) -> Vector:
+    """Return the lowest bending frequencies of the compiled strips, both ends clamped (count,) [Hz].
+
+    M q̈ + K q = 0 on the null space of the ends' Jacobian, in the plane: x, z and tilt of the
+    middle strip, and the hinges.
+    """
+    model = ideal_grips(sheet, StripConfig(hinges=hinges), weight=False)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    bends = [model.joint(bend_joint(i)) for i in range(hinges)]
+    plane = [0, 2, 4, *(int(joint.dofadr[0]) for joint in bends)]
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    stiffness = np.diag([0.0, 0.0, 0.0, *(float(joint.stiffness.flat[0]) for joint in bends)])
+    jacobian = np.zeros((12, model.nv))
+    for i, end in enumerate((LEFT_END, RIGHT_END)):
+        rows = jacobian[6 * i : 6 * i + 6]
+        mujoco.mj_jacSite(model, data, rows[:3], rows[3:], model.site(end).id)
+    free = linalg.null_space(jacobian[:, plane])
+    squares = linalg.eigh(
+        free.T @ stiffness @ free, free.T @ inertia[np.ix_(plane, plane)] @ free, eigvals_only=True
+    )
+    return np.asarray(np.sqrt(squares[:count]) / (2.0 * np.pi))
+
+
+def theoretical_frequencies(sheet: Sheet) -> Vector:
+    """Return (b/L)² √(EI/ρA) / 2π of the first clamped modes (3,) [Hz]."""
+    per_length = sheet.mass_kg / sheet.length_m
+    speed = np.sqrt(sheet.bending_stiffness_nm2 / per_length) / sheet.length_m**2
+    return np.asarray(np.square(CLAMPED_ROOTS) * speed / (2.0 * np.pi))

@@ -1,0 +1,27 @@
+"""A run in MuJoCo's own viewer, at the speed of the clock on the wall."""
+
+from __future__ import annotations
+
+import time
+
+import mujoco.viewer
+
+from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.run.runner import BendingRun, RunResult
+
+
+def run_in_viewer(run: BendingRun) -> RunResult:
+    """Run with a window open; closing the window does not end the run, only its picture."""
+    data = run.simulation.data
+    with mujoco.viewer.launch_passive(run.model, data) as window:
+        started = time.perf_counter()
+
+        def show(cycle: int) -> None:
+            if not window.is_running():
+                return
+            window.sync()
+            ahead = cycle * COMMAND_PERIOD_S - (time.perf_counter() - started)
+            if ahead > 0.0:
+                time.sleep(ahead)
+
+        return run.run(on_cycle=show)
