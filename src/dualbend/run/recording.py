@@ -1,7 +1,7 @@
 """The recording of a run in 3D and over time: one self-contained file for the rerun viewer.
 
-Everything is written after the run, as columns: one call an entity, whatever the number of rows. Geometry
-is logged once a body; per cycle there are only the poses of what moved relative to its parent.
+Everything is written after the run, as columns: one call an entity, however many rows. Shapes are
+logged once a body; a cycle adds only the poses of what moves against its parent body.
 """
 
 from __future__ import annotations
@@ -32,56 +32,61 @@ TIMELINE = "sim_time"
 """Name of the only timeline: simulated time since the start of the run."""
 
 _STILL = 1e-6
-"""Bodies that move less than this against their parent [m, 1] in the whole run are logged once."""
+"""What moves less than this against its parent [m, 1] in the whole run is logged once."""
+
+_DECIMALS = 6
+"""Places are rounded to 1 µm: what rests is then the same in every row, and compresses away."""
 
 _LONGEST_ARROW_M = 0.25
 _VISUAL_GROUP = 2
-_BLUE_GREY_RED = np.array([[59, 76, 192], [141, 176, 254], [221, 221, 221], [244, 152, 122], [180, 4, 38]])  # fmt: skip
-"""Diverging colours from -1 to 1 at equal distances, after Moreland, ISVC 2009."""
+_NICE = np.outer(10.0 ** np.arange(-9, 10), [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]).ravel()
 
-_SERIES = {
-    ("left", "measured"): ([95, 125, 150], 1.0),
-    ("left", "filtered"): ([70, 180, 255], 1.5),
-    ("left", "true"): ([240, 240, 240], 1.5),
-    ("right", "measured"): ([150, 120, 85], 1.0),
-    ("right", "filtered"): ([255, 165, 60], 1.5),
-    ("right", "true"): ([250, 220, 160], 1.5),
+# Diverging map by K. Moreland, ISVC 2009: blue, grey, red at -1, 0, 1.
+_MAP_STOPS = (-1.0, -0.5, 0.0, 0.5, 1.0)
+_MAP_CHANNELS = ((59, 141, 221, 244, 180), (76, 176, 221, 152, 4), (192, 254, 221, 122, 38))
+
+_WHITE, _BLUE, _ORANGE, _GREY = [240, 240, 240], [70, 180, 255], [255, 165, 60], [130, 130, 130]
+_SIDE_COLOURS = {"left": (_BLUE, [60, 110, 150]), "right": (_ORANGE, [150, 105, 55])}
+_FORCE_COLOUR, _MOMENT_COLOUR, _PATH_COLOUR = [255, 193, 7], [224, 64, 251], [0, 230, 118]
+_STATE_COLOURS = {
+    "settle": 0x78909CFF,
+    "bend": 0x42A5F5FF,
+    "hold": 0x7E57C2FF,
+    "completed": 0x4CAF50FF,
+    "protective stop": 0xFFB300FF,
+    "failed": 0xEF5350FF,
 }
-_OUTCOME_COLOURS = {"completed": 0x4CAF50FF, "protective_stop": 0xFFB300FF, "failed": 0xEF5350FF}
-_PHASE_COLOURS = (0x78909CFF, 0x42A5F5FF, 0x7E57C2FF)
 
 
 def write_recording(result: RunResult, path: Path) -> None:
     """Write the run to ``path`` (``.rrd``), with the layout in which the viewer opens it.
 
-    The scene is under ``/cell``, the series under ``/moment``, ``/force``, ``/deviation``, ``/angle``,
-    ``/ik`` and ``/torque``, the texts in ``/scenario`` and ``/outcome``. Two recordings of one run
-    hold the same data. Cells that a run left unfinished are left out.
+    The scene is under ``/cell`` (world frame, metres), the series under ``/moment``, ``/force``,
+    ``/deviation``, ``/angle``, ``/ik`` and ``/torque``, units in their names; ``/phase`` is a lane
+    of states, ``/outcome`` and ``/scenario`` are texts. Two recordings of one run hold equal data,
+    although their bytes differ. Cells that an early end left unfinished are left out.
 
     Raises
     ------
     OSError
         ``path`` cannot be written.
     """
-    toml = result.scenario.to_toml()
     name = f"{result.scenario.name}, seed {result.scenario.seed}"
+    toml = result.scenario.to_toml()
+    # Two runs of one name with other settings are two recordings, not one with doubled data.
     digest = hashlib.sha256(toml.encode()).hexdigest()[:8]
-    with path.open("wb"):  # rerun only warns about a path that it cannot write
-        pass
+    path.write_bytes(b"")  # refuses a bad path; rerun itself would only warn
     stream = rr.RecordingStream("dualbend", recording_id=f"{name}, {digest}", send_properties=False)
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.save(path, default_blueprint=_layout(result))
     try:
         stream.send_recording_name(name)
-        times_ns = np.rint(1e9 * result.trace["time"]).astype(np.int64)
-        log = _Log(stream, times_ns.astype("timedelta64[ns]"))
-        log.once("cell", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-        log.once("scenario", rr.TextDocument(toml, media_type="text/plain"))
-        scales = _Scales.of(result)
+        times = np.rint(1e9 * result.trace["time"]).astype("timedelta64[ns]")
+        log, scales, motion = _Log(stream, times), _Scales.of(result), _forward(result)
+        log.once("scenario", rr.TextDocument(toml))
         log.once("outcome", rr.TextDocument(_story(result, scales), media_type="text/markdown"))
-        motion = _forward(result)
-        _log_bodies(log, result.model, motion)
+        _log_robots(log, result.model, motion)
         _log_sheet(log, result, motion, scales)
         _log_grips(log, result, scales)
         _log_series(log, result)
@@ -97,24 +102,35 @@ class _Log:
     stream: rr.RecordingStream
     times: NDArray[np.timedelta64]
 
-    def once(self, entity: str, *archetypes: Any) -> None:
+    def once(self, entity: str, *archetypes: rr.AsComponents) -> None:
         self.stream.log(entity, *archetypes, static=True)
 
-    def rows(self, entity: str, archetype: Any, **values: Vector) -> None:
-        """Log one instance a row; rows with a NaN are left out."""
+    def rows(self, entity: str, archetype: type[rr.AsComponents], **values: NDArray[Any]) -> None:
+        """Log (rows, ...) or (rows, instances, ...) values, without the rows that hold a NaN."""
         finite = np.ones(len(self.times), dtype=bool)
         for value in values.values():
-            finite &= np.isfinite(value).reshape(len(value), -1).all(axis=1)
-        self.send(
-            entity,
-            self.times[finite],
-            archetype.columns(**{key: value[finite] for key, value in values.items()}),
-        )
+            finite &= np.isfinite(value).all(axis=tuple(range(1, value.ndim)))
+        kept = {key: value[finite] for key, value in values.items()}
+        several = [value.shape[1] for value in values.values() if value.ndim == 3]
+        if several:
+            kept = {key: value.reshape(-1, value.shape[-1]) for key, value in kept.items()}
+        columns = archetype.columns(**kept)
+        if several:
+            columns = columns.partition(np.full(finite.sum(), several[0]))
+        self.send(entity, self.times[finite], columns)
 
-    def send(self, entity: str, times: NDArray[np.timedelta64], columns: Any) -> None:
+    def send(
+        self, entity: str, times: NDArray[np.timedelta64], columns: rr.ComponentColumnList
+    ) -> None:
         if len(times):
             index = rr.TimeColumn(TIMELINE, duration=times)
             self.stream.send_columns(entity, indexes=[index], columns=columns)
+
+    def lines(self, entity: str, *series: tuple[str, Vector, list[int], float]) -> None:
+        """Log series of one entity, each with its name, values, colour and width in points."""
+        names, values, colours, widths = zip(*series, strict=True)
+        self.once(entity, rr.SeriesLines(names=names, colors=colours, widths=widths))
+        self.rows(entity, rr.Scalars, scalars=np.stack(values, axis=1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,295 +145,282 @@ class _Scales:
     def of(cls, result: RunResult) -> _Scales:
         """Return round scales that hold the run's largest values."""
         trace = result.trace
-        force, moment = (
-            np.linalg.norm([trace[f"{side}_true_{kind}_{a}"] for side in SIDES for a in "xyz"], axis=0)
+        force, torque = (
+            np.abs([trace[f"{s}_true_{kind}_{a}"] for s in SIDES for a in "xyz"]).max(initial=1e-6)
             for kind in ("force", "moment")
-        )  # fmt: skip
-        peak = result.bend_stiffness * np.abs(trace.bends).max(initial=0.0)
-        return cls(
-            moment_range_n_m=1.0 / _round_down(1.0 / max(peak, 1e-6)),
-            force_m_per_n=_round_down(_LONGEST_ARROW_M / max(force.max(initial=0.0), 1e-6)),
-            torque_m_per_n_m=_round_down(_LONGEST_ARROW_M / max(moment.max(initial=0.0), 1e-6)),
         )
-
-
-def _round_down(value: float) -> float:
-    """Return the largest of 1, 2, 5 times a power of ten that is not above ``value``."""
-    decade = 10.0 ** np.floor(np.log10(value))
-    return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= value * 1.0001))
+        peak = result.bend_stiffness * np.abs(trace.bends).max(initial=1e-6)
+        return cls(
+            moment_range_n_m=float(_NICE[0.999 * peak <= _NICE].min()),
+            force_m_per_n=float(_NICE[_LONGEST_ARROW_M / force >= _NICE].max()),
+            torque_m_per_n_m=float(_NICE[_LONGEST_ARROW_M / torque >= _NICE].max()),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Motion:
-    """Places (rows, n, 3) and orientations (rows, n, 4, w first) of bodies; places of the sheet's ends."""
+    """Places (rows, n, 3), orientations (rows, n, 4; w first) of bodies; places of the two ends."""
 
-    position: Vector
+    place: Vector
     quaternion: Vector
     ends: Vector
 
 
 def _forward(result: RunResult) -> _Motion:
     model, qpos = result.model, result.trace.qpos
-    data = mujoco.MjData(model)
-    position = np.empty((len(qpos), model.nbody, 3))
-    quaternion = np.empty((len(qpos), model.nbody, 4))
-    ends = np.empty((len(qpos), 2, 3))
-    sites = [model.site(name).id for name in (LEFT_END, RIGHT_END)]
+    data, rows = mujoco.MjData(model), len(qpos)
+    place, quaternion = np.empty((rows, model.nbody, 3)), np.empty((rows, model.nbody, 4))
+    ends, sites = np.empty((rows, 2, 3)), [model.site(name).id for name in (LEFT_END, RIGHT_END)]
     for row, q in enumerate(qpos):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
-        position[row], quaternion[row], ends[row] = data.xpos, data.xquat, data.site_xpos[sites]
-    return _Motion(position=position, quaternion=quaternion, ends=ends)
+        place[row], quaternion[row], ends[row] = data.xpos, data.xquat, data.site_xpos[sites]
+    return _Motion(place=place, quaternion=quaternion, ends=ends)
 
 
-def _log_bodies(log: _Log, model: mujoco.MjModel, motion: _Motion) -> None:
-    """Log floor, arms and tools; an entity's parent is the body's parent, so most poses never change."""
-    log.once(
-        "cell/floor",
-        rr.Boxes3D(
-            half_sizes=[[1.6, 1.0, 0.01]],
-            centers=[[0.0, 0.0, -0.011]],
-            colors=[[74, 78, 84]],
-            fill_mode="solid",
-        ),
+def _log_robots(log: _Log, model: mujoco.MjModel, motion: _Motion) -> None:
+    """Log floor, arms and tools; entities nest as bodies do, so that most poses never change."""
+    floor = rr.Boxes3D(
+        half_sizes=[1.5, 0.9, 0.01], centers=[0, 0, -0.011], colors=[74, 78, 84], fill_mode="solid"
     )
+    log.once("cell", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    log.once("cell/floor", floor)
+    turns = Rotation.from_quat(motion.quaternion.reshape(-1, 4), scalar_first=True)
+    turn_of = [turns[body :: model.nbody] for body in range(model.nbody)] if len(turns) else []
     entity = {0: "cell"}
     for body in range(1, model.nbody):
         name, parent = model.body(body).name, int(model.body_parentid[body])
-        if not name.startswith(SIDES):
+        shapes = _shapes(model, body)
+        if not shapes or not name.startswith(SIDES):
             continue
         entity[body] = f"{entity[parent]}/{name}"
-        _log_geoms(log, entity[body], model, body)
-        if not len(motion.position):
+        if not turn_of:
+            log.once(entity[body], *shapes)
             continue
-        frame = Rotation.from_quat(motion.quaternion[:, parent], scalar_first=True).inv()
-        turn = frame * Rotation.from_quat(motion.quaternion[:, body], scalar_first=True)
-        place = frame.apply(motion.position[:, body] - motion.position[:, parent])
-        quaternion = turn.as_quat(canonical=True)
-        if max(np.ptp(place, axis=0).max(), np.ptp(quaternion, axis=0).max()) < _STILL:
-            log.once(
-                entity[body],
-                rr.Transform3D(translation=place[0], quaternion=rr.Quaternion(xyzw=quaternion[0])),
+        back = turn_of[parent].inv()
+        place = back.apply(motion.place[:, body] - motion.place[:, parent]).round(_DECIMALS)
+        quaternion = (back * turn_of[body]).as_quat(canonical=True)
+        if max(np.ptp(place, axis=0).max(), np.ptp(quaternion, axis=0).max()) <= _STILL:
+            pose = rr.Transform3D(
+                translation=place[0], quaternion=rr.Quaternion(xyzw=quaternion[0])
             )
+            log.once(entity[body], *shapes, pose)
         else:
+            log.once(entity[body], *shapes)
             log.rows(entity[body], rr.Transform3D, translation=place, quaternion=quaternion)
 
 
-def _log_geoms(log: _Log, entity: str, model: mujoco.MjModel, body: int) -> None:
-    """Log the visual shapes of one body, all of a kind as one entity."""
+def _shapes(model: mujoco.MjModel, body: int) -> list[Any]:
+    """Return the visual shapes of one body, one archetype a kind."""
     mine = (model.geom_bodyid == body) & (model.geom_group == _VISUAL_GROUP)
+    shapes = []
     for kind in np.unique(model.geom_type[mine]):
         which = np.flatnonzero(mine & (model.geom_type == kind))
-        log.once(f"{entity}/{mujoco.mjtGeom(kind).name[6:].lower()}", _shapes(model, which, kind))
-
-
-def _shapes(model: mujoco.MjModel, which: NDArray[np.int_], kind: int) -> Any:
-    size, place = model.geom_size[which], model.geom_pos[which]
-    quaternion = model.geom_quat[which][:, [1, 2, 3, 0]]
-    material = model.geom_matid[which]
-    rgba = np.where(material[:, None] >= 0, model.mat_rgba[material], model.geom_rgba[which])
-    look = {"quaternions": quaternion, "colors": rgba, "fill_mode": "solid"}
-    match mujoco.mjtGeom(kind):
-        case mujoco.mjtGeom.mjGEOM_BOX:
-            return rr.Boxes3D(half_sizes=size, centers=place, **look)
-        case mujoco.mjtGeom.mjGEOM_CYLINDER:
-            return rr.Cylinders3D(lengths=2 * size[:, 1], radii=size[:, 0], centers=place, **look)
-        case mujoco.mjtGeom.mjGEOM_SPHERE:
-            return rr.Ellipsoids3D(half_sizes=size[:, [0, 0, 0]], centers=place, **look)
-        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            return rr.Ellipsoids3D(half_sizes=size, centers=place, **look)
-        case mujoco.mjtGeom.mjGEOM_CAPSULE:
-            # rerun's capsule starts at its place, MuJoCo's has its middle there.
-            axis = Rotation.from_quat(quaternion).apply([0.0, 0.0, 1.0])
-            start = place - size[:, 1:2] * axis
-            return rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], translations=start, **look)
-        case other:
-            raise NotImplementedError(f"recording of a visual geom of type {other.name}")
+        size, place = model.geom_size[which], model.geom_pos[which]
+        quaternion, material = model.geom_quat[which][:, [1, 2, 3, 0]], model.geom_matid[which]
+        plain = material[:, None] < 0
+        rgba = np.where(plain, model.geom_rgba[which], model.mat_rgba[material])
+        look = {"quaternions": quaternion, "colors": rgba, "fill_mode": "solid"}
+        round_ = {"radii": size[:, 0], "lengths": 2.0 * size[:, 1]}
+        match mujoco.mjtGeom(kind):
+            case mujoco.mjtGeom.mjGEOM_BOX:
+                shapes.append(rr.Boxes3D(half_sizes=size, centers=place, **look))
+            case mujoco.mjtGeom.mjGEOM_SPHERE:
+                shapes.append(rr.Ellipsoids3D(radii=size[:, 0], centers=place, **look))
+            case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+                shapes.append(rr.Ellipsoids3D(half_sizes=size, centers=place, **look))
+            case mujoco.mjtGeom.mjGEOM_CYLINDER:
+                shapes.append(rr.Cylinders3D(centers=place, **round_, **look))
+            case mujoco.mjtGeom.mjGEOM_CAPSULE:
+                # A capsule stands on its place in rerun and has its middle there in MuJoCo.
+                foot = Rotation.from_quat(quaternion).apply([0.0, 0.0, 1.0]) * -size[:, 1:2]
+                shapes.append(rr.Capsules3D(translations=place + foot, **round_, **look))
+            case other:
+                raise NotImplementedError(f"a visual geom of type {other.name} in the recording")
+    return shapes
 
 
 def diverging_colours(values: Vector) -> Colours:
-    """Return colours (..., 3) for values from -1 (blue) through 0 (grey) to 1 (red)."""
-    stops = np.linspace(-1.0, 1.0, len(_BLUE_GREY_RED))
-    channels = [np.interp(values, stops, channel) for channel in _BLUE_GREY_RED.T]
+    """Return red, green, blue (..., 3) for values from -1 (blue) through 0 (grey) to 1 (red)."""
+    channels = [np.interp(values, _MAP_STOPS, channel) for channel in _MAP_CHANNELS]
     return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
 
 
 def _log_sheet(log: _Log, result: RunResult, motion: _Motion, scales: _Scales) -> None:
     """Log the sheet as one ribbon through the hinge lines, coloured by the bending moment there."""
-    rows, hinges = result.trace.bends.shape
-    lines = hinges + 2
+    hinges = result.trace.bends.shape[1]
     strips = [result.model.body(strip_body(i)).id for i in range(hinges + 1)]
-    middle = hinges // 2
-    # A strip's frame is at its hinge towards the middle; the middle strip itself has none.
-    places = motion.position[:, strips[:middle] + strips[middle + 1 :]]
-    places = np.concatenate((motion.ends[:, :1], places, motion.ends[:, 1:]), axis=1)
-    turns = motion.quaternion[:, [strips[0], *strips[:middle], *strips[middle + 1 :], strips[-1]]]
-    w, x, y, z = np.moveaxis(turns, -1, 0)
-    across = np.stack((2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)), axis=-1)
-    half = 0.5 * result.scenario.sheet.width_m * across
-    vertices = np.stack((places - half, places + half), axis=2)
+    # The middle strip's frame is at its centre, that of every other at its hinge.
+    hinged = strips[: hinges // 2] + strips[hinges // 2 + 1 :]
+    left, right = motion.ends[:, :1], motion.ends[:, 1:]
+    places = np.concatenate((left, motion.place[:, hinged], right), axis=1)
+    w, x, y, z = np.moveaxis(motion.quaternion[:, [hinged[0], *hinged, hinged[-1]]], -1, 0)
+    y_axes = np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)), -1)
+    across = 0.5 * result.scenario.sheet.width_m * y_axes
+    vertices = np.concatenate((places - across, places + across), axis=1).round(_DECIMALS)
 
     moment = result.bend_stiffness * result.trace.bends
-    ends = 1.5 * moment[:, [0, -1]] - 0.5 * moment[:, [1, -2]]  # half a strip beyond the last hinges
+    ends = (
+        1.5 * moment[:, [0, -1]] - 0.5 * moment[:, [1, -2]]
+    )  # half a strip beyond the last hinges
     moment = np.concatenate((ends[:, :1], moment, ends[:, 1:]), axis=1)
-    colours = np.repeat(diverging_colours(moment / scales.moment_range_n_m), 2, axis=1)
+    colours = np.tile(diverging_colours(moment / scales.moment_range_n_m), (1, 2, 1))
 
-    first = 2 * np.arange(lines - 1)[:, None]
-    triangles = np.concatenate((first + [0, 2, 1], first + [1, 2, 3]))
+    lines = hinges + 2
+    cell = np.array([[0, 1, lines], [1, lines + 1, lines]])
+    triangles = (np.arange(lines - 1)[:, None, None] + cell).reshape(-1, 3)
     log.once("cell/sheet", rr.Mesh3D.from_fields(triangle_indices=triangles))
-    columns = rr.Mesh3D.columns(
-        vertex_positions=vertices.reshape(-1, 3), vertex_colors=colours.reshape(-1, 3)
-    )
-    log.send("cell/sheet", log.times, columns.partition([2 * lines] * rows))
+    log.rows("cell/sheet", rr.Mesh3D, vertex_positions=vertices, vertex_colors=colours)
 
 
 def _log_grips(log: _Log, result: RunResult, scales: _Scales) -> None:
-    """Log what the sheet does to the grips, where they are, where they should be."""
+    """Log what the sheet does to the grips, where these are, and where they should be."""
     trace = result.trace
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        turn = np.array([sign, sign, 1.0])  # from the arm's bending frame to the world
-        grip = np.stack([trace[f"{side}_grip_{a}"] for a in "xyz"], axis=1) * turn
-        for kind, scale, colour in (
-            ("force", scales.force_m_per_n, [255, 193, 7]),
-            ("moment", scales.torque_m_per_n_m, [224, 64, 251]),
-        ):
-            vector = np.stack([trace[f"{side}_true_{kind}_{a}"] for a in "xyz"], axis=1) * turn
-            entity = f"cell/wrench/{side}_{kind}"
-            log.once(entity, rr.Arrows3D.from_fields(colors=[colour], radii=[0.004]))
-            log.rows(entity, rr.Arrows3D, origins=grip, vectors=scale * vector)
+        to_world = np.array([sign, sign, 1.0])  # from the arm's bending frame
+        grip, force, moment = (
+            np.stack([trace[f"{side}_{kind}_{a}"] for a in "xyz"], axis=1) * to_world
+            for kind in ("grip", "true_force", "true_moment")
+        )
+        arrows = np.stack((scales.force_m_per_n * force, scales.torque_m_per_n_m * moment), axis=1)
+        look = rr.Arrows3D.from_fields(colors=[_FORCE_COLOUR, _MOMENT_COLOUR], radii=0.004)
+        log.once(f"cell/wrench/{side}", look)
+        origins = np.stack((grip, grip), axis=1).round(_DECIMALS)
+        log.rows(f"cell/wrench/{side}", rr.Arrows3D, origins=origins, vectors=arrows)
 
-        nominal = _planar(-trace["nominal_half_distance"], trace["nominal_z"], sign)
-        command = _planar(trace[f"{side}_command_x"], trace[f"{side}_command_z"], sign)
-        for kind, place, angle, length in (
-            ("actual", grip, trace[f"{side}_grip_alpha"], 0.06),
-            ("commanded", command, trace[f"{side}_command_alpha"], 0.09),
-        ):
-            entity = f"cell/grip/{side}_{kind}"
-            log.once(entity, rr.TransformAxes3D(length))
-            log.rows(entity, rr.Transform3D, translation=place, quaternion=_tilt(angle, sign))
-        for kind, line, colour in (
-            ("nominal", nominal, [150, 150, 150]),
-            ("commanded", command, [0, 230, 118]),
-        ):
-            log.once(
-                f"cell/path/{side}_{kind}",
-                rr.LineStrips3D([line[np.isfinite(line).all(axis=1)]], colors=[colour], radii=[0.001]),
-            )  # fmt: skip
+        still = np.zeros(trace.rows)
+        nominal = (-trace["nominal_half_distance"], still, trace["nominal_z"])
+        command = (trace[f"{side}_command_x"], still, trace[f"{side}_command_z"])
+        lines = [np.stack(xyz, axis=1) * to_world for xyz in (nominal, command)]
+        _log_frame(log, f"cell/grip/{side}_actual", 0.03, grip, trace[f"{side}_grip_alpha"], sign)
+        angle = trace[f"{side}_command_alpha"]
+        _log_frame(log, f"cell/grip/{side}_commanded", 0.045, lines[1], angle, sign)
+        strips = [line[np.isfinite(line).all(axis=1)] for line in lines]
+        drawn = rr.LineStrips3D(strips, colors=[_GREY, _PATH_COLOUR], radii=0.001)
+        log.once(f"cell/path/{side}", drawn)
 
 
-def _planar(x: Vector, z: Vector, sign: float) -> Vector:
-    return np.stack((sign * x, np.zeros_like(x), z), axis=1)
-
-
-def _tilt(alpha: Vector, sign: float) -> Vector:
-    """Return R_y(α), for the right arm R_z(π) R_y(α), as quaternions (n, 4), w last."""
+def _log_frame(
+    log: _Log, entity: str, length_m: float, place: Vector, alpha: Vector, sign: float
+) -> None:
+    """Log a frame turned by R_y(α), for the right arm by R_z(π) R_y(α)."""
     c, s, none = np.cos(alpha / 2), np.sin(alpha / 2), np.zeros_like(alpha)
-    return np.stack((none, s, none, c) if sign > 0 else (-s, none, c, none), axis=1)
+    turn = np.stack((none, s, none, c) if sign > 0 else (-s, none, c, none), axis=1)
+    log.once(entity, rr.TransformAxes3D(length_m))
+    log.rows(entity, rr.Transform3D, translation=place.round(_DECIMALS), quaternion=turn)
 
 
 def _log_series(log: _Log, result: RunResult) -> None:
-    trace = result.trace
-    named = {name for name, _ in trace.columns}
+    trace, sensing = result.trace, result.scenario.arms.sensing
     for quantity, column, unit in (("moment", "moment_y", "N m"), ("force", "force_x", "N")):
-        for (side, kind), (colour, width) in _SERIES.items():
-            if f"{side}_{kind}_{column}" in named:
-                values = trace[f"{side}_{kind}_{column}"]
-                label = f"{side} {kind} [{unit}]"
-                _log_line(log, f"{quantity}/{side}_{kind}", label, values, colour, width)
+        truth = [
+            (f"{side} true [{unit}]", trace[f"{side}_true_{column}"], colour, width)
+            for side, colour, width in (("left", _WHITE, 2.5), ("right", [255, 220, 150], 1.0))
+        ]
+        log.lines(f"{quantity}/true", *truth)
+        for side in sensing:
+            bright, dull = _SIDE_COLOURS[side]
+            measured, filtered = (
+                trace[f"{side}_{kind}_{column}"] for kind in ("measured", "filtered")
+            )
+            log.lines(
+                f"{quantity}/{side}",
+                (f"{side} measured [{unit}]", measured, dull, 1.0),
+                (f"{side} filtered [{unit}]", filtered, bright, 1.5),
+            )
+    angles, deviations = [("nominal [rad]", trace["nominal_alpha"], _GREY, 1.5)], []
     for side in SIDES:
-        colour = _SERIES[side, "filtered"][0]
-        millimetres = 1e3 * trace[f"{side}_deviation_x"]
-        degrees = np.degrees(trace[f"{side}_deviation_alpha"])
-        _log_line(log, f"deviation/{side}_x", f"{side} δx [mm]", millimetres, colour)
-        pale = _SERIES[side, "true"][0]
-        _log_line(log, f"deviation/{side}_alpha", f"{side} δα [deg]", degrees, pale)
-        _log_line(
-            log, f"angle/{side}", f"{side} grip [rad]", trace[f"{side}_grip_alpha"], colour
-        )
+        bright, dull = _SIDE_COLOURS[side]
+        angles.append((f"{side} grip [rad]", trace[f"{side}_grip_alpha"], bright, 1.5))
+        turn = np.degrees(trace[f"{side}_deviation_alpha"])
+        deviations.append((f"{side} δx [mm]", 1e3 * trace[f"{side}_deviation_x"], bright, 1.5))
+        deviations.append((f"{side} δα [deg]", turn, dull, 1.5))
         torques = np.stack([trace[f"{side}_torque_{joint}"] for joint in arm.JOINTS], axis=1)
-        labels = [f"{side} joint {i + 1} [N m]" for i in range(len(arm.JOINTS))]
-        log.once(f"torque/{side}", rr.SeriesLines(names=labels))
+        names = [f"{side} joint {i} [N m]" for i in range(1, len(arm.JOINTS) + 1)]
+        log.once(f"torque/{side}", rr.SeriesLines(names=names))
         log.rows(f"torque/{side}", rr.Scalars, scalars=torques)
-    _log_line(log, "angle/nominal", "nominal [rad]", trace["nominal_alpha"], [150, 150, 150])
-    _log_line(log, "ik/position", "position [µm]", 1e6 * trace["ik_position"], [70, 180, 255])
-    _log_line(log, "ik/rotation", "rotation [µrad]", 1e6 * trace["ik_rotation"], [255, 165, 60])
-
-
-def _log_line(
-    log: _Log, entity: str, label: str, values: Vector, colour: list[int], width: float = 1.5
-) -> None:
-    log.once(entity, rr.SeriesLines(names=label, colors=[colour], widths=[width]))
-    log.rows(entity, rr.Scalars, scalars=values)
+    log.lines("angle", *angles)
+    log.lines("deviation", *deviations)
+    log.lines(
+        "ik",
+        ("position [µm]", 1e6 * trace["ik_position"], _BLUE, 1.5),
+        ("rotation [µrad]", 1e6 * trace["ik_rotation"], _ORANGE, 1.5),
+    )
 
 
 def _log_phases(log: _Log, result: RunResult) -> None:
-    """Log when each phase began, and how the run ended one cycle after its last row."""
+    """Log when each phase began and, one cycle after the last row, how the run ended."""
     phase = result.trace["phase"].astype(int)
     starts = np.flatnonzero(np.diff(phase, prepend=-1))
     end = np.timedelta64(round(1e9 * COMMAND_PERIOD_S * len(phase)), "ns")
-    ended = result.outcome.replace("_", " ")
-    colours = {name.replace("_", " "): value for name, value in _OUTCOME_COLOURS.items()}
-    colours |= dict(zip(PHASES, _PHASE_COLOURS, strict=True))
-    log.once("phase", rr.StateConfiguration(values=list(colours), colors=list(colours.values())))
-    states = [*(PHASES[phase[i]] for i in starts), ended]
+    states = [*(PHASES[phase[i]] for i in starts), _words(result.outcome)]
+    look = rr.StateConfiguration(values=list(_STATE_COLOURS), colors=list(_STATE_COLOURS.values()))
+    log.once("phase", look)
     log.send("phase", np.append(log.times[starts], end), rr.StateChange.columns(state=states))
 
 
+def _words(outcome: str) -> str:
+    return outcome.replace("_", " ")
+
+
 def _story(result: RunResult, scales: _Scales) -> str:
-    scenario, outcome = result.scenario, result.outcome.replace("_", " ")
+    scenario, limit = result.scenario, f"{scales.moment_range_n_m:g}"
+    reason = [f"**{result.reason}**\n"] if result.reason else []
     return "\n".join(
         (
-            f"# {scenario.name}: {outcome}",
-            *([f"**{result.reason}**", ""] if result.reason else []),
+            f"# {scenario.name}: {_words(result.outcome)}",
+            *reason,
             scenario.description,
-            "",
-            f"{result.simulated_s:.3f} s simulated, {result.trace.rows} command cycles, seed {scenario.seed}",
-            "",
-            f"* Sheet: bending moment from −{scales.moment_range_n_m:g} (blue) through 0 (grey) "
-            f"to +{scales.moment_range_n_m:g} N m (red)",
-            f"* Yellow arrow: force of the sheet on the gripper, 1 N is {1e3 * scales.force_m_per_n:g} mm",
-            f"* Violet arrow: its moment, 0.01 N m is {10 * scales.torque_m_per_n_m:g} mm",
-            "* Short axes: the grip as it is; long axes: as commanded",
-            "* Grey line: nominal path of the grip; green line: commanded path, with compliance",
+            f"\n{result.simulated_s:.3f} s in {result.trace.rows} cycles, seed {scenario.seed}\n",
+            f"* sheet: bending moment, −{limit} N m blue, 0 grey, +{limit} N m red",
+            f"* yellow arrow: force of the sheet on the grip, {1e3 * scales.force_m_per_n:g} mm/N",
+            f"* violet arrow: its moment about the grip, {scales.torque_m_per_n_m:g} mm/(N mm)",
+            "* axes at the grip: short as it is, long as commanded",
+            "* path of the grip: grey nominal, green commanded with compliance",
         )
     )
 
 
 def _layout(result: RunResult) -> rrb.Blueprint:
-    height = result.scenario.cell.sheet_height_m
-    scene = rrb.Spatial3DView(
-        origin="cell",
-        name="Cell",
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            position=[0.0, -2.1, height + 0.55], look_target=[0.0, 0.0, height - 0.02], eye_up=[0, 0, 1]
-        ),
-    )  # fmt: skip
+    """Return the viewer's layout: the scene, phases and texts beside the plots."""
+    height, length = result.scenario.cell.sheet_height_m, result.scenario.sheet.length_m
+    cell, sheet = (
+        rrb.Spatial3DView(
+            origin="cell",
+            name=name,
+            line_grid=False,
+            eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=[0, 0, 1]),
+        )
+        for name, eye, target in (
+            ("Cell", [0.0, -1.75, height + 0.4], [0.0, 0.0, height - 0.1]),
+            (
+                "Sheet",
+                [0.0, -1.2 * length, height + 0.5 * length],
+                [0.0, 0.0, height + 0.18 * length],
+            ),
+        )
+    )
+    titles = {
+        "moment": "Moment about the bending axis, on the gripper",
+        "force": "Horizontal force on the gripper",
+        "deviation": "Deviation from the nominal path",
+        "angle": "Bending angle",
+        "ik": "IK residual",
+        "torque": "Joint torque",
+    }
     plots = [
-        rrb.TimeSeriesView(origin=origin, name=name)
-        for origin, name in (
-            ("moment", "Moment about the bending axis, on the gripper"),
-            ("force", "Horizontal force on the gripper"),
-            ("deviation", "Deviation from the nominal path"),
-        )
+        rrb.TimeSeriesView(origin=origin, name=title, plot_legend=rrb.Corner2D.RightTop)
+        for origin, title in titles.items()
     ]
-    more = [
-        rrb.TimeSeriesView(origin=origin, name=name)
-        for origin, name in (
-            ("angle", "Bending angle"),
-            ("ik", "IK residual"),
-            ("torque", "Joint torque"),
-        )
-    ]
+    lane = rrb.StateTimelineView(origin="phase", name="Phase")
     texts = rrb.Tabs(
         rrb.TextDocumentView(origin="outcome", name="Outcome"),
         rrb.TextDocumentView(origin="scenario", name="Scenario"),
     )
-    lane = rrb.StateTimelineView(origin="phase", name="Phase")
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(scene, lane, texts, row_shares=[6, 1.2, 2.4]),
-            rrb.Vertical(*plots, rrb.Tabs(*more)),
+            rrb.Vertical(cell, rrb.Horizontal(sheet, texts), lane, row_shares=[5.0, 3.4, 1.0]),
+            rrb.Vertical(*plots[:3], rrb.Tabs(*plots[3:])),
             column_shares=[3, 2],
         ),
         rrb.TimePanel(timeline=TIMELINE, state="collapsed"),

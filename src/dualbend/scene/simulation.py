@@ -146,7 +146,7 @@ class Simulation:
             self._pad_stiffness * data.qpos[self._pad_q]
             + self._pad_damping * data.qvel[self._pad_dof]
         ).reshape(2, 2, 3)
-        wrench = np.einsum("aij,akj->aki", grip_axes, load) * _TO_BENDING[:, np.newaxis]
+        wrench = (load @ grip_axes.transpose(0, 2, 1)) * _TO_BENDING[:, np.newaxis]
         edge = self._planar(self._edges)
         return Observation(
             q=data.qpos[self._q],

@@ -1,0 +1,45 @@
+"""The validation table: how far the simulation is from theory, measured when it is asked for.
+
+Every row comes from a small function of a module beside this one; nothing in it is a stored result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from dualbend.analysis import (
+    validation_arm,
+    validation_cell,
+    validation_modes,
+    validation_runs,
+    validation_sheet,
+)
+from dualbend.analysis.validation_row import Row
+
+__all__ = ["Row", "run_validation"]
+
+
+def run_validation(on_row: Callable[[Row], None] | None = None) -> list[Row]:
+    """Return all rows; call ``on_row`` with each as soon as it is known. About half a minute."""
+    rows = []
+    for row in _rows():
+        rows.append(row)
+        if on_row is not None:
+            on_row(row)
+    return rows
+
+
+def _rows() -> Iterator[Row]:
+    yield from validation_sheet.load_rows()
+    yield validation_sheet.order_row()
+    yield from validation_modes.frequency_rows()
+    yield from validation_arm.table_rows()
+    yield from validation_cell.response_rows()
+    yield from validation_cell.stiffness_rows()
+    yield from validation_arm.held_weight_rows()
+    yield from validation_cell.weight_rows()
+    runs = validation_runs.run_shipped()
+    yield from validation_runs.residual_rows(runs)
+    yield from validation_runs.moment_rows(runs["fig6"])
+    yield from validation_runs.comparison_rows(runs)
+    yield validation_runs.repeat_row(runs["fig8"])
