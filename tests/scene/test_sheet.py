@@ -148,9 +148,7 @@ def test_the_bent_chain_is_the_elastica_to_second_order() -> None:
         np.testing.assert_allclose(left * [-1, 1, 1], right, atol=1e-14)  # symmetric: analytic
         half = elastica.half_distance(alpha, L)
         height = elastica.rise(alpha, L)
-        errors.append(
-            max(abs((right - left)[0] / 2 - half), abs(left[2] - middle[2] - height))
-        )
+        errors.append(max(abs((right - left)[0] / 2 - half), abs(left[2] - middle[2] - height)))
         x_axis = data.site(LEFT_END).xmat[[0, 3, 6]]
         assert math.atan2(-x_axis[2], x_axis[0]) == pytest.approx(alpha, abs=1e-14)
     # Discretisation-limited, O(h²): a ratio of 4 for each halving.
@@ -169,7 +167,9 @@ def droop(hinges: int, scale: float = 1e-3) -> tuple[Array, float, Array]:
     data = mujoco.MjData(model)
     index = bends(model, hinges)
     adr = np.array([model.joint(bend_joint(i)).qposadr[0] for i in range(hinges)])
-    stiffness = np.array([joint_value(model.jnt_stiffness, model, bend_joint(i)) for i in range(hinges)])
+    stiffness = np.array(
+        [joint_value(model.jnt_stiffness, model, bend_joint(i)) for i in range(hinges)]
+    )
     for _ in range(3):
         mujoco.mj_forward(model, data)
         residual = (data.qfrc_passive - data.qfrc_bias)[index]
@@ -210,7 +210,9 @@ def test_the_chain_twists_as_a_bar_of_gj(hinges: int) -> None:
     load = torque * (turn[1, 0] - turn[0, 0])
     for joint in range(1, model.njnt):
         dof, adr = model.jnt_dofadr[joint], model.jnt_qposadr[joint]
-        data.qpos[adr] = load[dof] / joint_value(model.jnt_stiffness, model, model.joint(joint).name)
+        data.qpos[adr] = load[dof] / joint_value(
+            model.jnt_stiffness, model, model.joint(joint).name
+        )
     mujoco.mj_kinematics(model, data)
     left, right = (data.site(name).xmat.reshape(3, 3) for name in (LEFT_END, RIGHT_END))
     # The right site looks the other way: turn it back by π about z.

@@ -23,12 +23,13 @@ def plot_moment(result: RunResult, path: Path) -> None:
     alpha = trace["nominal_alpha"][rows]
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     axes = figure.add_subplot()
-    for name, label, style in (
-        ("measured", "measured", {"color": "0.75", "linewidth": 0.8}),
-        ("filtered", "filtered", {"color": "tab:orange", "linewidth": 0.9}),
-        ("true", "true", {"color": "tab:blue", "linewidth": 1.8}),
+    for name, colour, width in (
+        ("measured", "0.75", 0.8),
+        ("filtered", "tab:orange", 0.9),
+        ("true", "tab:blue", 1.8),
     ):
-        axes.plot(alpha, 1e3 * trace[f"{side}_{name}_moment_y"][rows], label=label, **style)
+        moment = 1e3 * trace[f"{side}_{name}_moment_y"][rows]
+        axes.plot(alpha, moment, label=name, color=colour, linewidth=width)
     scenario = result.scenario
     for knot in make_path(scenario.path, scenario.sheet.length_m).knots:
         axes.axvline(float(knot), color="0.85", linewidth=0.8, zorder=0)

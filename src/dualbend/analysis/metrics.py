@@ -107,8 +107,8 @@ def oscillation_of(moment: Vector) -> tuple[float | None, float | None, float | 
 
     The moment (rows,), one a command cycle, is passed forward and backward through a high-pass of
     second order at 1 Hz. Amplitude: √2 times the largest root mean square over 1 s. Frequency: from
-    the distance of the extremes of at least 0.3 of the largest; None below 1 Hz, where they are the
-    path's own knots. Growth: slope of the logarithm of the extremes that grow one after the other
+    the mean distance of the extremes of at least 0.3 of the largest; None below 1 Hz, where they
+    are the path's own knots. Growth: slope of the logarithm of the extremes that grow one after the other
     up to the largest; 0 where fewer than three do. Meaningful where a piece of the path lasts
     longer than 1 s. All None where the record is too short.
     """
@@ -127,13 +127,13 @@ def oscillation_of(moment: Vector) -> tuple[float | None, float | None, float | 
     noticeable = at[heights >= _NOTICEABLE * heights.max()]
     frequency = None
     if noticeable.size >= _FEWEST_EXTREMES:
-        frequency = 0.5 / (float(np.median(np.diff(noticeable))) * COMMAND_PERIOD_S)
+        frequency = 0.5 / (float(np.mean(np.diff(noticeable))) * COMMAND_PERIOD_S)
     if frequency is None or frequency < OSCILLATION_ABOVE_HZ:
         return amplitude, None, 0.0
-    return amplitude, frequency, _growth(at * COMMAND_PERIOD_S, heights)
+    return amplitude, frequency, _growth(np.asarray(at * COMMAND_PERIOD_S), heights)
 
 
-def _growth(times_s: Vector, heights: Vector) -> float:
+def _growth(times_s: NDArray[np.floating], heights: NDArray[np.floating]) -> float:
     last = int(np.argmax(heights))
     first = last
     while first > 0 and heights[first - 1] < heights[first]:

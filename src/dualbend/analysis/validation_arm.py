@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.analysis import dh
-from dualbend.analysis.validation_row import Row, absolute, relative
+from dualbend.analysis.validation_row import Row, absolute
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,
@@ -62,7 +62,7 @@ def table_rows(configurations: int = 30) -> Iterator[Row]:
         found = [np.abs(a - b).max() / np.abs(b).max() for a, b in pairs]
         worst = np.maximum(worst, found)
     for name, value in zip(("flange pose", "gravity torque", "mass matrix"), worst, strict=True):
-        yield absolute(f"arm {name}, relative difference from the DH table", value, 0.0, "1", 1e-6)
+        yield absolute(f"arm {name}, rel. difference from the DH table", value, 0.0, "1", 1e-6)
 
 
 def wrench_chain(model: mujoco.MjModel, sensor: ForceTorqueConfig) -> WrenchChain:
@@ -104,7 +104,10 @@ def held_weight_errors(sensor: ForceTorqueConfig, poses: int = 10) -> tuple[floa
         sample = chain.update(force, torque, rotation)
         upward = data.site(f"{_SIDE}_{arm.GRIP_SITE}").xmat.reshape(3, 3)[2]
         weight = -PAYLOAD_KG * dh.GRAVITY_M_PER_S2 * upward
-        difference = (sample.force_grip_n - weight, sample.torque_grip_nm - np.cross(centre, weight))
+        difference = (
+            sample.force_grip_n - weight,
+            sample.torque_grip_nm - np.cross(centre, weight),
+        )
         errors.append([np.linalg.norm(d) for d in difference])
     worst_force, worst_torque = np.max(errors, axis=0)
     return float(worst_force), float(worst_torque)
@@ -131,5 +134,5 @@ def held_weight_rows(poses: int = 10) -> Iterator[Row]:
         force_noise_n=0.0, torque_noise_nm=0.0, force_resolution_n=0.0, torque_resolution_nm=0.0
     )
     force, torque = held_weight_errors(exact, poses)
-    yield absolute("grip force error for a held weight, ideal sensor", force, 0.0, "N", 0.02)
-    yield absolute("grip moment error for a held weight, ideal sensor", torque, 0.0, "N m", 0.002)
+    yield absolute("grip force error, held weight, exact sensor", force, 0.0, "N", 0.02)
+    yield absolute("grip moment error, held weight, exact sensor", torque, 0.0, "N m", 0.002)

@@ -14,11 +14,11 @@ from dualbend.beam import elastica
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.control.alter import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.command_response import CommandResponse, CommandResponseConfig
-from dualbend.run.runner import HOME_GUESS_RAD, grip_targets, make_servo
+from dualbend.run.runner import HOME_GUESS_RAD, make_servo
 from dualbend.run.scenario import load_scenario
 from dualbend.scene import arm
 from dualbend.scene.cell import SIDES, compose_cell, robots_only
-from dualbend.scene.ik import InverseKinematics
+from dualbend.scene.ik import InverseKinematics, grip_targets
 from dualbend.scene.simulation import Observation, Simulation
 
 Vector = NDArray[np.float64]
@@ -72,7 +72,9 @@ class HeldCell:
             ]
         )
         self._ik = InverseKinematics(robots)
-        self._q = self._ik.solve_from_home(grip_targets(np.array([self.pose] * 2)), HOME_GUESS_RAD).q
+        self._q = self._ik.solve_from_home(
+            grip_targets(np.array([self.pose] * 2)), HOME_GUESS_RAD
+        ).q
         self._servo = make_servo(scenario, robots, self._q)
         step_s = scenario.physics.step_s
         spec = compose_cell(
@@ -89,9 +91,7 @@ class HeldCell:
         if not dry_friction:
             self.model.dof_frictionloss[self.dof] = 0.0
         self.simulation = Simulation(self.model, scenario.grasp, scenario.sheet.strips)
-        self._response = CommandResponse(
-            scenario.response, len(self._q), steps_per_cycle(step_s)
-        )
+        self._response = CommandResponse(scenario.response, len(self._q), steps_per_cycle(step_s))
         self._response.reset(self._q)
         arcs = np.linspace(0.0, length, scenario.sheet.strips.hinges + 1)
         _, _, slopes = elastica.shape(alpha_rad, length, arcs)
@@ -105,9 +105,7 @@ class HeldCell:
             seen.append(self.simulation.observe())
             reference = self._response.update(self._q)
             self.simulation.advance(
-                self._servo.setpoint(
-                    reference.position, reference.velocity, reference.acceleration
-                )
+                self._servo.setpoint(reference.position, reference.velocity, reference.acceleration)
             )
         return seen
 
@@ -127,7 +125,7 @@ def fit_response(position: Vector, start: float) -> tuple[float, float]:
 
     def residual(p: Vector) -> Vector:
         omega, ratio, height = p
-        system = signal.lti([omega**2], [1.0, 2.0 * ratio * omega, omega**2])
+        system = signal.TransferFunction([omega**2], [1.0, 2.0 * ratio * omega, omega**2])
         # Linear between samples, as the ramp is: no error of interpolation.
         _, answer, _ = signal.lsim(system, ramp, times, interp=True)
         return np.asarray((start + height * answer - position) / span)
@@ -138,7 +136,7 @@ def fit_response(position: Vector, start: float) -> tuple[float, float]:
 
 
 def identify_response(direction: int) -> tuple[float, float, CommandResponseConfig]:
-    """Step both grips in one direction; return ω_n [rad/s] and ξ of the left one, and the settings."""
+    """Step both grips; return ω_n [rad/s] and ξ of the left one, and the configured response."""
     cell = HeldCell(STEP_SLOPE_RAD)
     before = cell.rest().grip[0, _GRIP_PLANE[direction]]
     target = cell.pose.copy()
@@ -153,7 +151,7 @@ def response_rows() -> Iterator[Row]:
     for i, (name, _, _) in enumerate(DIRECTIONS):
         omega, ratio, wanted = identify_response(i)
         frequency = omega / (2.0 * np.pi)
-        where = f"of the end effector's step in {name}"
+        where = f"of the end effector in {name}"
         configured = wanted.natural_frequency_hz
         yield relative(f"natural frequency {where}", frequency, configured, "Hz", 0.05)
         yield relative(f"damping ratio {where}", ratio, wanted.damping_ratio, "1", 0.05)
@@ -196,7 +194,7 @@ def _compliance(cell: HeldCell) -> Vector:
 
 
 def _push_left_grip(cell: HeldCell, wrench: Vector) -> None:
-    """Apply a wrench (6,) at the left grip, moved to the hand's centre of mass as MuJoCo wants it."""
+    """Apply a wrench (6,) at the left grip; MuJoCo wants it at the hand's centre of mass."""
     model, data = cell.model, cell.simulation.data
     hand = model.body(f"{SIDES[0]}_hand").id
     lever = data.site(f"{SIDES[0]}_{arm.GRIP_SITE}").xpos - data.xipos[hand]

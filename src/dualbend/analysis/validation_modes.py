@@ -1,4 +1,4 @@
-"""The strips' vibrations between clamps: natural frequencies, and what the time step makes of them."""
+"""The strips' vibration between clamps: natural frequencies, and what the step makes of them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dualbend.analysis.validation_sheet import (
     place_grips,
 )
 from dualbend.beam.sheet import Sheet
-from dualbend.scene.sheet import StripConfig, bend_joint
+from dualbend.scene.sheet import bend_joint
 
 Vector = NDArray[np.float64]
 

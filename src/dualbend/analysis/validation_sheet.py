@@ -172,11 +172,11 @@ def load_rows(points: int = 20) -> Iterator[Row]:
         for weight, load in ((False, "no weight"), (True, "with weight")):
             found = settled_loads(sheet, strips.hinges, path, alphas, weight=weight)
             wanted = oracle_loads(sheet, path, alphas, weight=weight)
-            where = f"{path_name}, {load}, {FIRST_SLOPE_RAD:g}-{LAST_SLOPE_RAD:g} rad"
+            where = f"{path_name}, {load}, from {FIRST_SLOPE_RAD:g} rad"
             scale = np.maximum(np.abs(wanted.force_n), sheet.euler_load_n)
             i = _worst((found.force_n - wanted.force_n) / scale)
             yield relative(
-                f"sheet end force, {where}",
+                f"sheet force, {where}",
                 found.force_n[i],
                 wanted.force_n[i],
                 "N",
@@ -185,7 +185,7 @@ def load_rows(points: int = 20) -> Iterator[Row]:
             )
             i = _worst(found.moment_nm - wanted.moment_nm)
             yield relative(
-                f"sheet end moment over first peak, {where}",
+                f"sheet moment / first peak, {where}",
                 found.moment_nm[i],
                 wanted.moment_nm[i],
                 "N m",
@@ -219,4 +219,4 @@ def convergence_order(hinges: Sequence[int] = (10, 20, 40), points: int = 4) -> 
 
 def order_row() -> Row:
     """Return the observed order of convergence in N: 2 by design, at least 1.8 is asked for."""
-    return at_least("sheet order of convergence, N = 10, 20, 40", convergence_order(), 1.8, "1")
+    return at_least("sheet force, order of convergence in N", convergence_order(), 1.8, "1")

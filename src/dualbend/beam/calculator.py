@@ -45,14 +45,7 @@ def bent_sheet(
             "curvature_max_per_m": elastica.curvature_max(alpha_rad, length_m),
         }
     half_distance = zero_moment if half_distance_m is None else half_distance_m
-    state = rod.solve_symmetric(
-        EI,
-        length_m,
-        alpha_rad,
-        half_distance,
-        weight_n_per_m,
-        axial_stiffness_n=sheet.axial_stiffness_n,
-    )
+    state = rod.solve_symmetric(EI, length_m, alpha_rad, half_distance, weight_n_per_m)
     if not state.converged:
         raise InputError(
             f"no bent state at alpha = {alpha_rad} rad, half distance = {half_distance} m: "

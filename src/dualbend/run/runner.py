@@ -109,23 +109,28 @@ class BendingRun:
 
     def _plan_home(self) -> Vector:
         """Walk the nominal path with the IK alone; return the joint angles of its start."""
-        motion, targets = self.motion, self._nominal_targets
+        home = q = self._reach(0, HOME_GUESS_RAD)
+        first = int(np.flatnonzero(self.motion.phase == PHASES.index("bend"))[0])
+        cycles = np.linspace(first, self.motion.cycles - 1, _CHECKED_POSES).astype(int)
+        before = -1
+        for cycle in np.unique(cycles).tolist():
+            there = self._reach(cycle, q)
+            if before >= 0:
+                self._refuse_speed(np.abs(there - q) / ((cycle - before) * COMMAND_PERIOD_S))
+            q, before = there, cycle
+        return home
+
+    def _reach(self, cycle: int, guess: Vector) -> Vector:
         try:
-            home = self._ik.solve_from_home(targets(0), HOME_GUESS_RAD)
-            q, cycle = home.q, 0
-            bending = np.flatnonzero(motion.phase == PHASES.index("bend"))
-            for index in np.linspace(bending[0], motion.cycles - 1, _CHECKED_POSES).astype(int):
-                solution = self._ik.solve_from_home(targets(int(index)), q)
-                span_s = (int(index) - cycle) * COMMAND_PERIOD_S
-                if cycle >= bending[0]:
-                    self._refuse_speed(np.abs(solution.q - q) / span_s)
-                q, cycle = solution.q, int(index)
+            return self._ik.solve_from_home(self._nominal_targets(cycle), guess).q
         except InputError as error:
-            angle = motion.alpha_rad[0 if "index" not in locals() else index]
+            cell = self.scenario.cell
             raise InputError(
-                f"scenario {self.scenario.name!r}: path at {angle:.3f} rad: {error}"
+                f"scenario {self.scenario.name!r}: path at {self.motion.alpha_rad[cycle]:.3f} rad: "
+                f"{error}; look at cell.base_distance_m = {cell.base_distance_m}, "
+                f"cell.base_lateral_m = {cell.base_lateral_m}, "
+                f"cell.sheet_height_m = {cell.sheet_height_m}"
             ) from error
-        return home.q
 
     def _refuse_speed(self, speed: Vector) -> None:
         limit = self.scenario.guard.speed_fraction * np.tile(JOINT_SPEED_LIMIT_RAD_PER_S, 2)

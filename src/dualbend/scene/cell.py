@@ -123,7 +123,10 @@ def _add_arm(spec: mujoco.MjSpec, cell: CellConfig, side: Side) -> None:
     frame = spec.worldbody.add_frame(pos=origin, quat=[np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
     spec.attach(arm.load_arm(), frame=frame, prefix=f"{side}_")
     flange = spec.site(f"{side}_{arm.FLANGE_SITE}")
-    spec.attach(arm.load_gripper(), site=flange, prefix=f"{side}_")
+    tool = arm.load_gripper()
+    # Arm and tool share a prefix; two classes of one name would not load again from the XML.
+    tool.default.name = "tool_main"
+    spec.attach(tool, site=flange, prefix=f"{side}_")
 
 
 def _add_pad(spec: mujoco.MjSpec, grasp: GraspConfig, side: Side) -> None:

@@ -1,0 +1,299 @@
+"""The recording holds the run: what the file gives back is the trace, and obeys the mechanics."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rerun as rr
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from dualbend.run import recording
+from dualbend.run.recording import diverging_colours, write_recording
+from dualbend.run.runner import BendingRun, RunResult
+from dualbend.run.scenario import load_scenario
+
+SHORT = (
+    "motion.settle_s=0.112",
+    "motion.hold_s=0.084",
+    "motion.speed_rad_per_s=0.2",
+    "path.end_rad=0.4",
+)
+ROUNDING_M = 2e-6
+"""A place is rounded to 1 µm and stored in single precision (3e-8 m at 0.5 m)."""
+
+HAND = ("base", "link1", "link2", "link3", "link4", "link5", "link6", "sensor", "hand")
+
+
+class Recorded:
+    """A recording read back: static components, and columns over ``sim_time``, by entity."""
+
+    def __init__(self, path: Path) -> None:
+        reader = rr.chunk.RrdReader(path)
+        (entry,) = reader.recordings()
+        self.recording_id: str = entry.recording_id
+        self.has_layout = len(reader.blueprints()) == 1
+        self.static: dict[str, Any] = {}
+        self.columns: dict[str, Any] = {}
+        self.times_ns: dict[str, NDArray[np.int64]] = {}
+        for chunk in reader.stream():
+            batch, entity = chunk.to_record_batch(), str(chunk.entity_path)
+            index = "sim_time"
+            values = {n: batch.column(n).to_pylist() for n in batch.schema.names if n != index}
+            if chunk.is_static:
+                self.static.setdefault(entity, {}).update({k: v[0] for k, v in values.items()})
+            else:
+                assert entity not in self.columns, "one call an entity"
+                self.columns[entity] = values
+                self.times_ns[entity] = batch.column(index).to_numpy().astype(np.int64)
+
+    def __call__(self, entity: str, component: str) -> NDArray[np.float64]:
+        """Return a component over time as an array, first axis the rows."""
+        return np.array(self.columns[entity][component])
+
+    def pose(self, entity: str, row: int) -> tuple[Rotation, NDArray[np.float64]]:
+        """Return an entity's orientation and place in its parent at one row."""
+        moving = entity in self.columns
+        values = self.columns[entity] if moving else self.static[entity]
+        place, turn = (values[f"Transform3D:{name}"] for name in ("translation", "quaternion"))
+        place, turn = (place[row], turn[row]) if moving else (place, turn)
+        return Rotation.from_quat(np.ravel(turn)), np.ravel(place)
+
+
+@pytest.fixture(scope="module")
+def result() -> RunResult:
+    done = BendingRun(load_scenario("fig8", SHORT)).run()
+    assert done.outcome == "completed"
+    return done
+
+
+@pytest.fixture(scope="module")
+def path(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("recording") / "run.rrd"
+    write_recording(result, target)
+    return target
+
+
+@pytest.fixture(scope="module")
+def recorded(path: Path) -> Recorded:
+    return Recorded(path)
+
+
+def cut(result: RunResult, rows: int) -> RunResult:
+    """Return the run as if stopped in the cycle of its last row, which stays unfinished."""
+    trace = copy.deepcopy(result.trace)
+    trace.rows = rows
+    for i, (name, _) in enumerate(trace.columns):
+        acted = ("deviation", "command", "setpoint", "ik", "measured", "filtered", "sensor")
+        if rows and any(part in name for part in acted):
+            trace._table[rows - 1, i] = np.nan
+    return dataclasses.replace(
+        result, trace=trace, outcome="protective_stop", reason="following error, at 0.1 s"
+    )
+
+
+def rrd(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "rerun_cli", "rrd", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_every_entity_has_every_cycle(recorded: Recorded, result: RunResult) -> None:
+    cycles = 28_000_000 * np.arange(result.trace.rows)  # analytic: whole nanoseconds
+    for entity, times in recorded.times_ns.items():
+        if entity != "/phase":
+            np.testing.assert_array_equal(times, cycles, err_msg=entity)
+    assert recorded.has_layout
+    expected = {"/moment/true", "/moment/left", "/force/true", "/force/left", "/deviation"}
+    expected |= {"/angle", "/ik", "/torque/left", "/torque/right", "/cell/sheet"}
+    expected |= {f"/cell/wrench/{side}" for side in ("left", "right")}
+    expected |= {f"/cell/grip/{s}_{k}" for s in ("left", "right") for k in ("actual", "commanded")}
+    assert expected <= recorded.columns.keys()
+    assert {"/scenario", "/outcome", "/cell/floor", "/cell/path/left"} <= recorded.static.keys()
+
+
+@pytest.mark.parametrize(
+    ("entity", "names", "factor"),
+    [
+        ("/moment/true", ("left_true_moment_y", "right_true_moment_y"), 1.0),
+        ("/moment/left", ("left_measured_moment_y", "left_filtered_moment_y"), 1.0),
+        ("/force/true", ("left_true_force_x", "right_true_force_x"), 1.0),
+        ("/force/left", ("left_measured_force_x", "left_filtered_force_x"), 1.0),
+        ("/ik", ("ik_position", "ik_rotation"), 1e6),
+    ],
+)
+def test_series_are_the_traces_columns(
+    recorded: Recorded, result: RunResult, entity: str, names: tuple[str, ...], factor: float
+) -> None:
+    series = factor * np.stack([result.trace[name] for name in names], axis=1)
+    np.testing.assert_array_equal(recorded(entity, "Scalars:scalars"), series)  # analytic: a copy
+    labels = recorded.static[entity]["SeriesLines:names"]
+    assert len(labels) == len(names)
+    assert all(label.endswith("]") for label in labels)
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+def test_the_chain_of_poses_ends_at_the_grip(
+    recorded: Recorded, result: RunResult, side: str, sign: float
+) -> None:
+    grip = result.model.site(f"{side}_grip")
+    for row in (0, result.trace.rows // 2, result.trace.rows - 1):
+        turn, place, entity = Rotation.identity(), np.zeros(3), "/cell"
+        for body in HAND:
+            entity += f"/{side}_{body}"
+            joint_turn, joint_place = recorded.pose(entity, row)
+            turn, place = turn * joint_turn, place + turn.apply(joint_place)
+        place = place + turn.apply(grip.pos)
+        seen = [result.trace[f"{side}_grip_{a}"][row] for a in "xyz"]
+        # Rounding: nine places, and single-precision angles (1e-7 rad) over 1 m of arm.
+        np.testing.assert_allclose(place, seen * np.array([sign, sign, 1.0]), atol=5 * ROUNDING_M)
+        actual_turn, actual_place = recorded.pose(f"/cell/grip/{side}_actual", row)
+        np.testing.assert_allclose(place, actual_place, atol=5 * ROUNDING_M)
+        hand_turn = turn * Rotation.from_quat(grip.quat, scalar_first=True)
+        # The frame is the planar state: the hand leaves its plane by less than 1e-5 rad (golden).
+        assert (hand_turn.inv() * actual_turn).magnitude() < 1e-5
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+def test_commanded_frames_point_into_the_sheet(
+    recorded: Recorded, result: RunResult, side: str, sign: float
+) -> None:
+    alpha = result.trace[f"{side}_command_alpha"]
+    quaternion = recorded(f"/cell/grip/{side}_commanded", "Transform3D:quaternion").reshape(-1, 4)
+    x_axis = Rotation.from_quat(quaternion).apply([1.0, 0.0, 0.0])
+    down = np.stack((sign * np.cos(alpha), 0 * alpha, -np.sin(alpha)), axis=1)
+    np.testing.assert_allclose(x_axis, down, atol=1e-6)  # analytic, single precision
+
+
+def test_the_sheet_keeps_its_length_and_meets_its_clamps(
+    recorded: Recorded, result: RunResult
+) -> None:
+    sheet = result.scenario.sheet
+    vertices = recorded("/cell/sheet", "Mesh3D:vertex_positions")
+    lines = sheet.strips.hinges + 2
+    assert vertices.shape == (result.trace.rows, 2 * lines, 3)
+    front, back = vertices[:, :lines], vertices[:, lines:]
+    width = np.linalg.norm(back - front, axis=-1)
+    np.testing.assert_allclose(width, sheet.width_m, atol=ROUNDING_M)
+    axis = (front + back) / 2
+    h = sheet.length_m / sheet.strips.hinges
+    lengths = np.linalg.norm(np.diff(axis, axis=1), axis=-1)
+    expected = np.r_[h / 2, np.full(lines - 3, h), h / 2]  # analytic: strips are rigid
+    np.testing.assert_allclose(lengths, np.tile(expected, (len(lengths), 1)), atol=ROUNDING_M)
+    for end, side, sign in ((0, "left", 1.0), (-1, "right", -1.0)):
+        edge = np.stack([result.trace[f"{side}_edge_{a}"] for a in "xyz"], axis=1)
+        edge *= [sign, sign, 1.0]
+        np.testing.assert_allclose(axis[:, end], edge, atol=ROUNDING_M)
+
+
+def test_the_sheets_colour_is_its_moment(recorded: Recorded, result: RunResult) -> None:
+    moment = result.bend_stiffness * result.trace.bends
+    limit = recording._Scales.of(result).moment_range_n_m
+    assert np.abs(moment).max() <= limit < 2.01 * np.abs(moment).max()
+    assert f"−{limit:g} N m blue" in recorded.static["/outcome"]["TextDocument:text"][0]
+    packed = recorded("/cell/sheet", "Mesh3D:vertex_colors").astype(np.uint32)
+    red, green, blue = ((packed >> shift & 0xFF) for shift in (24, 16, 8))
+    seen = np.stack((red, green, blue), axis=-1)
+    inner = slice(1, moment.shape[1] + 1)
+    np.testing.assert_array_equal(seen[:, inner], diverging_colours(moment / limit))
+    # A sheet that hangs in a U has a negative moment in its middle: blue.
+    middle = seen[-1, moment.shape[1] // 2]
+    assert middle[2] > middle[0]
+
+
+def test_colours_diverge_from_grey() -> None:
+    blue, grey, red, beyond = diverging_colours(np.array([-1.0, 0.0, 1.0, 7.0])).astype(int)
+    assert blue[2] > blue[0]
+    assert len(set(grey)) == 1
+    assert red[0] > red[2]
+    np.testing.assert_array_equal(beyond, red)
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+def test_arrows_are_the_true_wrench_in_the_world(
+    recorded: Recorded, result: RunResult, side: str, sign: float
+) -> None:
+    trace, scales = result.trace, recording._Scales.of(result)
+    vectors = recorded(f"/cell/wrench/{side}", "Arrows3D:vectors")
+    for i, (kind, scale) in enumerate(
+        (("force", scales.force_m_per_n), ("moment", scales.torque_m_per_n_m))
+    ):
+        wrench = np.stack([trace[f"{side}_true_{kind}_{a}"] for a in "xyz"], axis=1)
+        world = wrench * [sign, sign, 1.0]  # half a turn about z for the right arm
+        np.testing.assert_allclose(vectors[:, i] / scale, world, rtol=1e-6, atol=1e-9)
+    assert np.abs(vectors).max() < recording._LONGEST_ARROW_M * 1.001
+
+
+def test_phases_are_a_lane_that_ends_with_the_outcome(
+    recorded: Recorded, result: RunResult
+) -> None:
+    states = [state for (state,) in recorded.columns["/phase"]["StateChange:state"]]
+    assert states == ["settle", "bend", "hold", "completed"]
+    ends = recorded.times_ns["/phase"] / 1e9
+    bend = result.trace["time"][result.trace["phase"] == 1]
+    np.testing.assert_allclose(ends[1], bend[0], atol=1e-9)  # analytic
+    np.testing.assert_allclose(ends[-1], result.simulated_s, atol=1e-9)
+
+
+def test_the_text_is_the_resolved_scenario(recorded: Recorded, result: RunResult) -> None:
+    assert recorded.static["/scenario"]["TextDocument:text"] == [result.scenario.to_toml()]
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2, 20])
+def test_a_run_that_stopped_is_recorded_up_to_its_stop(
+    result: RunResult, tmp_path: Path, rows: int
+) -> None:
+    target = tmp_path / "stopped.rrd"
+    write_recording(cut(result, rows), target)
+    recorded = Recorded(target)
+    done = {len(times) for entity, times in recorded.times_ns.items() if entity != "/phase"}
+    assert done <= {rows, rows - 1}
+    if rows:
+        assert len(recorded.times_ns["/moment/true"]) == rows
+    if rows > 1:
+        assert len(recorded.times_ns["/cell/grip/left_commanded"]) == rows - 1
+        assert len(recorded.times_ns["/moment/left"]) == rows - 1
+    for entity, columns in recorded.columns.items():
+        for name in ("Scalars:scalars", "Transform3D:translation", "Arrows3D:vectors"):
+            if name in columns:
+                assert np.isfinite(recorded(entity, name)).all()
+    assert recorded.columns["/phase"]["StateChange:state"][-1] == ["protective stop"]
+    text = recorded.static["/outcome"]["TextDocument:text"][0]
+    assert "protective stop" in text
+    assert "following error, at 0.1 s" in text
+    verified = rrd("verify", str(target))
+    assert verified.returncode == 0, verified.stderr
+
+
+def test_two_recordings_of_one_run_are_equal(
+    result: RunResult, path: Path, recorded: Recorded, tmp_path: Path
+) -> None:
+    again = tmp_path / "again.rrd"
+    write_recording(result, again)
+    for arguments in (("verify", str(path)), ("compare", "--unordered", str(path), str(again))):
+        done = rrd(*arguments)
+        assert done.returncode == 0, done.stdout + done.stderr
+    other = dataclasses.replace(result, scenario=load_scenario("fig8", SHORT, seed=2))
+    write_recording(other, again)
+    assert Recorded(again).recording_id != recorded.recording_id
+
+
+def test_a_minute_takes_less_than_3_megabytes(
+    result: RunResult, path: Path, tmp_path: Path
+) -> None:
+    rows = result.trace.rows // 2
+    half = tmp_path / "half.rrd"
+    write_recording(cut(result, rows), half)
+    per_row = (path.stat().st_size - half.stat().st_size) / (result.trace.rows - rows)
+    assert per_row * 60.0 / 0.028 < 3e6  # golden: 2.4 MB beside 0.42 MB that every file has
+
+
+def test_a_path_that_cannot_be_written_is_refused(result: RunResult, tmp_path: Path) -> None:
+    with pytest.raises(OSError, match="missing"):
+        write_recording(result, tmp_path / "missing" / "run.rrd")
