@@ -222,3 +222,22 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
     click.echo(f"{result.outcome} {result.reason}".rstrip())
     if not result.expected:
         sys.exit(EXIT_UNEXPECTED)
+
+
+@main.command()
+@click.argument("scenario", default="fig8")
+@_SETTINGS
+@click.option("--repeat", type=click.IntRange(min=1), default=5, help="Repetitions.")
+def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
+    """Time the loop of SCENARIO against bare mj_step calls of the same model."""
+    import msgspec
+
+    from dualbend.analysis.benchmark import benchmark as measure
+    from dualbend.run.scenario import load_scenario
+
+    for name, value in msgspec.to_builtins(
+        measure(load_scenario(scenario, settings), repeat)
+    ).items():
+        click.echo(
+            f"{name:<24}{value:>10.4g}" if isinstance(value, float) else f"{name:<24}{value:>10}"
+        )

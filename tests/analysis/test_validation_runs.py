@@ -59,16 +59,18 @@ def test_wrong_joint_angle_would_be_seen(short: RunResult) -> None:
     assert rotation == pytest.approx(1e-3, rel=1e-4)  # analytic: one joint turns the grip by it
 
 
-def test_run_that_solved_nothing_does_not_pass() -> None:
-    stopped = run("fig6", "guard.torque_cycles=1", "guard.following_error_rad=1e-12")
+def test_early_stop_is_an_unexpected_end_and_an_unsolved_run_is_no_pass() -> None:
+    stopped = run("fig6", "guard.following_error_rad=1e-12")
     assert stopped.outcome == "protective_stop"
     unexpected, position, rotation = vr.residual_rows({"fig6": stopped})
     assert unexpected.measured == 1.0
     assert not unexpected.passed
-    if stopped.trace.rows == 1:
-        assert math.isnan(position.measured)
-        assert not position.passed
-        assert not rotation.passed
+    assert position.passed  # what was solved before the stop was solved well
+    stopped.trace["left_setpoint_joint1"][:] = math.nan
+    _, position, rotation = vr.residual_rows({"fig6": stopped})
+    assert math.isnan(position.measured)
+    assert not position.passed
+    assert not rotation.passed
 
 
 def test_one_seed_gives_one_trace_and_another_seed_another_noise(short: RunResult) -> None:
@@ -83,7 +85,7 @@ def test_compliance_halves_the_peaks_of_the_pieces_in_which_it_acts(fig6: RunRes
     fig8 = run("fig8")
     exact = run("exact")
     rows = {row.name: row for row in vr.comparison_rows(_runs(fig6, fig8, exact))}
-    ratio = next(row for name, row in rows.items() if name.startswith("fig8 / fig6"))
+    ratio = next(row for name, row in rows.items() if name.startswith("fig8"))
     assert 0.3 < ratio.measured <= 0.6  # golden: the experiment's claim, measured 0.59
     growth = [row for name, row in rows.items() if name.startswith("fig9")]
     assert growth

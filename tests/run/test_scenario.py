@@ -208,6 +208,11 @@ WRONG_SETTINGS = [
     ("path.end_rad=inf", "path.end_rad", "inf", "finite"),
     ("sensor.force_bias_n=[0,-inf,0]", "sensor.force_bias_n", "inf", "finite"),
     ("path.end_rad=1e400", "path.end_rad", "inf", "finite"),
+    # sizes that overflow a product on the way
+    ("response.natural_frequency_hz=1e300", "response.natural_frequency_hz", "1e+300", ""),
+    ("sensor.force_resolution_n=1e-320", "sensor.force_resolution_n", "1e-320", ""),
+    ("sensor.force_range_n=1e308", "sensor.force_range_n", "1e+308", ""),
+    ("sensor.force_noise_n=1e308", "sensor.force_noise_n", "1e+308", ""),
     # another type
     ("path.end_rad=0.5 rad", "path.end_rad", "0.5 rad", "float"),
     ('path.end_rad="0.5"', "path.end_rad", "0.5", "float"),

@@ -327,7 +327,7 @@ def test_the_sensor_reads_tool_and_load_with_the_sign_on_the_arm(
 
 
 def track(cell: Cell, goals: Array) -> tuple[Array, Array]:
-    """Follow setpoints (cycles, 12) with free hands; return q and references at the cycles' ends."""
+    """Follow setpoints (cycles, 12) with free hands; return q and reference at the cycles' ends."""
     simulation = cell.simulation()
     simulation.data.eq_active[:] = 0  # the sheet falls: its load is not the servo's tracking
     response = CommandResponse(
@@ -350,9 +350,11 @@ def test_a_step_is_followed_as_the_command_response_says(bent: Cell) -> None:
     step = 0.01 * np.tile([1.0, -1.0, 1.0, -1.0, 1.0, -1.0], 2)
     followed, wanted = track(bent, np.tile(bent.home + step, (15, 1)))
     assert np.abs(wanted[-1] - bent.home).max() > 0.009
-    # Golden: the dry friction's feed-forward is off by its smoothing, the sheet's load is not fed
-    # forward; 3 % of the step.
-    assert np.abs(followed - wanted).max() < 3e-4
+    error = np.abs(followed - wanted)
+    # Golden: in the rush the joints' inertial coupling, which is not fed forward, takes 2.3 % of
+    # the step; it is gone when the step is over.
+    assert error.max() < 4e-4
+    assert error[-1].max() < 1e-5
 
 
 def test_a_ramp_is_followed_without_a_growing_lag(bent: Cell) -> None:
@@ -360,10 +362,10 @@ def test_a_ramp_is_followed_without_a_growing_lag(bent: Cell) -> None:
     goals = bent.home + 0.028 * np.arange(1, 26)[:, np.newaxis] * np.concatenate((rate, rate))
     followed, wanted = track(bent, goals)
     lag = np.abs(followed - wanted)
-    # Without feed-forward the lag would be (c + B) v/k, 1.1 mrad on joint 2: a tenth is left.
-    gain = (bent.servo.damping + 5.0) / bent.servo.stiffness
-    assert lag[-5:, [1, 2, 7, 8]].max() < 0.2 * (gain * 0.05).max() + 2e-4
-    assert lag[-1].max() < 1.5 * lag[10].max() + 1e-5
+    # Analytic limit 0: speed and friction are fed forward. Without them joint 2 would lag by
+    # (c + B) v/k = 1.5 mrad; the start costs 0.05 mrad at most (golden), which dies out.
+    assert lag.max() < 1e-4
+    assert lag[-1].max() < 1e-6
 
 
 # --- latency ------------------------------------------------------------------------------------
@@ -377,21 +379,19 @@ def pitch(rotation: Array) -> float:
 def test_a_sample_is_as_old_as_the_latency(bent: Cell, latency_steps: int) -> None:
     """At a steady turn the sensor's pitch tells the time at which the sample was taken."""
     simulation = bent.simulation(latency_steps)
+    simulation.observe()
     rate = np.zeros(12)
     rate[4] = 0.2
     step_s = bent.model.opt.timestep
-    times = step_s * np.arange(1, simulation.steps + 1)
+    times = step_s * np.arange(1, 8 * simulation.steps + 1)
+    goals = (bent.home + times[:, np.newaxis] * rate).reshape(8, simulation.steps, 12)
     site = bent.model.site(f"left_{arm.FT_SITE}").id
-    for cycle in range(8):
+    seen, sampled = [], []
+    for rows in goals:
+        sampled.append(pitch(simulation.advance(rows).rotation[0]))
         simulation.observe()
-        now = pitch(simulation.data.site_xmat[site].reshape(3, 3))
-        if cycle:
-            turned = now - then
-            aged = now - pitch(sample.rotation[0])
-        then = now
-        elapsed = cycle * simulation.steps * step_s
-        sample = simulation.advance(bent.home + (elapsed + times)[:, np.newaxis] * rate)
-    age_steps = aged / turned * simulation.steps
+        seen.append(pitch(simulation.data.site_xmat[site].reshape(3, 3)))
+    age_steps = (seen[-1] - sampled[-1]) / (seen[-1] - seen[-2]) * simulation.steps
     # Discretisation-limited: the turn is steady to a percent. A sample that is one step old is the
     # youngest there is: a step's forces are known when it is done.
     assert age_steps == pytest.approx(latency_steps, abs=0.1)

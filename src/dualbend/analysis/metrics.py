@@ -108,9 +108,9 @@ def oscillation_of(moment: Vector) -> tuple[float | None, float | None, float | 
     The moment (rows,), one a command cycle, is passed forward and backward through a high-pass of
     second order at 1 Hz. Amplitude: √2 times the largest root mean square over 1 s. Frequency: from
     the mean distance of the extremes of at least 0.3 of the largest; None below 1 Hz, where they
-    are the path's own knots. Growth: slope of the logarithm of the extremes that grow one after the other
-    up to the largest; 0 where fewer than three do. Meaningful where a piece of the path lasts
-    longer than 1 s. All None where the record is too short.
+    are the path's own knots. Growth: slope of the logarithm of the extremes that grow one after
+    the other up to the largest; 0 where fewer than three do. Meaningful where a piece of the path
+    lasts longer than 1 s. All None where the record is too short.
     """
     if moment.size < _SHORTEST_RECORD:
         return None, None, None

@@ -20,7 +20,7 @@ __all__ = ["Row", "run_validation"]
 
 
 def run_validation(on_row: Callable[[Row], None] | None = None) -> list[Row]:
-    """Return all rows; call ``on_row`` with each as soon as it is known. About half a minute."""
+    """Return all rows; call ``on_row`` with each as soon as it is known. Takes 20 s on one core."""
     rows = []
     for row in _rows():
         rows.append(row)

@@ -61,45 +61,36 @@ class HeldCell:
     ) -> None:
         self.scenario = scenario = load_scenario(scenario_name)
         length, height = scenario.sheet.length_m, scenario.cell.sheet_height_m
+        x, rise = elastica.half_distance(alpha_rad, length), elastica.rise(alpha_rad, length)
+        self.pose = np.array([-x, height + rise, alpha_rad])
         robots = robots_only(scenario.cell).compile()
         if not dry_friction:
             robots.dof_frictionloss[:] = 0.0
-        self.pose = np.array(
-            [
-                -elastica.half_distance(alpha_rad, length),
-                height + elastica.rise(alpha_rad, length),
-                alpha_rad,
-            ]
-        )
         self._ik = InverseKinematics(robots)
-        self._q = self._ik.solve_from_home(
-            grip_targets(np.array([self.pose] * 2)), HOME_GUESS_RAD
-        ).q
+        self._q = self._solve(self.pose, HOME_GUESS_RAD)
         self._servo = make_servo(scenario, robots, self._q)
         step_s = scenario.physics.step_s
-        spec = compose_cell(
-            scenario.cell,
-            scenario.grasp,
-            scenario.sheet.sheet(),
-            scenario.sheet.strips,
-            self._servo,
-            step_s,
-        )
-        self.model = spec.compile()
+        sheet, strips = scenario.sheet.sheet(), scenario.sheet.strips
+        self.model = compose_cell(
+            scenario.cell, scenario.grasp, sheet, strips, self._servo, step_s
+        ).compile()
         joints = [self.model.joint(f"{side}_{name}") for side in SIDES for name in arm.JOINTS]
         self.dof = np.array([joint.dofadr[0] for joint in joints])
         if not dry_friction:
             self.model.dof_frictionloss[self.dof] = 0.0
-        self.simulation = Simulation(self.model, scenario.grasp, scenario.sheet.strips)
+        self.simulation = Simulation(self.model, scenario.grasp, strips)
         self._response = CommandResponse(scenario.response, len(self._q), steps_per_cycle(step_s))
         self._response.reset(self._q)
-        arcs = np.linspace(0.0, length, scenario.sheet.strips.hinges + 1)
+        arcs = np.linspace(0.0, length, strips.hinges + 1)
         _, _, slopes = elastica.shape(alpha_rad, length, arcs)
-        self.simulation.reset(self._q, scenario.sheet.thickness_m / 2, slopes, height)
+        self.simulation.reset(self._q, sheet.thickness_m / 2, slopes, height)
+
+    def _solve(self, pose: Vector, start: Vector) -> Vector:
+        return self._ik.solve_from_home(grip_targets(np.array([pose, pose])), start).q
 
     def command(self, pose: Vector, cycles: int) -> list[Observation]:
         """Command both grips to (x, z, α) [m, m, rad] and return what is seen at each cycle."""
-        self._q = self._ik.solve_from_home(grip_targets(np.array([pose, pose])), self._q).q
+        self._q = self._solve(pose, self._q)
         seen = []
         for _ in range(cycles):
             seen.append(self.simulation.observe())
@@ -125,7 +116,7 @@ def fit_response(position: Vector, start: float) -> tuple[float, float]:
 
     def residual(p: Vector) -> Vector:
         omega, ratio, height = p
-        system = signal.TransferFunction([omega**2], [1.0, 2.0 * ratio * omega, omega**2])
+        system = ([omega**2], [1.0, 2.0 * ratio * omega, omega**2])
         # Linear between samples, as the ramp is: no error of interpolation.
         _, answer, _ = signal.lsim(system, ramp, times, interp=True)
         return np.asarray((start + height * answer - position) / span)

@@ -34,8 +34,9 @@ TIMELINE = "sim_time"
 _STILL = 1e-6
 """What moves less than this against its parent [m, 1] in the whole run is logged once."""
 
-_DECIMALS = 6
-"""Places are rounded to 1 µm: what rests is then the same in every row, and compresses away."""
+_DECIMALS, _SHEET_DECIMALS = 6, 5
+"""Places are rounded to 1 µm, the sheet's to 10 µm: what rests is then the same in every row, and
+compresses away."""
 
 _LONGEST_ARROW_M = 0.25
 _VISUAL_GROUP = 2
@@ -257,7 +258,7 @@ def _log_sheet(log: _Log, result: RunResult, motion: _Motion, scales: _Scales) -
     w, x, y, z = np.moveaxis(motion.quaternion[:, [hinged[0], *hinged, hinged[-1]]], -1, 0)
     y_axes = np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)), -1)
     across = 0.5 * result.scenario.sheet.width_m * y_axes
-    vertices = np.concatenate((places - across, places + across), axis=1).round(_DECIMALS)
+    vertices = np.concatenate((places - across, places + across), axis=1).round(_SHEET_DECIMALS)
 
     moment = result.bend_stiffness * result.trace.bends
     ends = (
@@ -400,6 +401,9 @@ def _layout(result: RunResult) -> rrb.Blueprint:
             ),
         )
     )
+    # What ended a run is at the right of its plots; what a completed one shows is at the left.
+    done = result.outcome == "completed"
+    corner = rrb.Corner2D.RightTop if done else rrb.Corner2D.LeftTop
     titles = {
         "moment": "Moment about the bending axis, on the gripper",
         "force": "Horizontal force on the gripper",
@@ -409,7 +413,7 @@ def _layout(result: RunResult) -> rrb.Blueprint:
         "torque": "Joint torque",
     }
     plots = [
-        rrb.TimeSeriesView(origin=origin, name=title, plot_legend=rrb.Corner2D.RightTop)
+        rrb.TimeSeriesView(origin=origin, name=title, plot_legend=corner)
         for origin, title in titles.items()
     ]
     lane = rrb.StateTimelineView(origin="phase", name="Phase")

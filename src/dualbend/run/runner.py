@@ -34,7 +34,7 @@ from dualbend.run.guard import (
 from dualbend.run.scenario import Outcome, Scenario
 from dualbend.run.trace import Trace
 from dualbend.scene.arm import JOINT_SPEED_LIMIT_RAD_PER_S
-from dualbend.scene.cell import SIDES, compose_cell, robots_only
+from dualbend.scene.cell import SIDES, compose_cell, robots_only, without_looks
 from dualbend.scene.ik import InverseKinematics, Targets, grip_targets
 from dualbend.scene.simulation import SensorSample, Simulation, tool_mass_and_centre
 from dualbend.task.bending import PHASES, nominal_motion
@@ -98,14 +98,15 @@ class BendingRun:
             scenario.physics.step_s,
         )
         self.model = self.spec.compile()
+        physics = without_looks(self.spec).compile()
         latency = scenario.sensor.latency_steps(scenario.physics.step_s)
         self.simulation = Simulation(
-            self.model, scenario.grasp, scenario.sheet.strips, latency_steps=latency
+            physics, scenario.grasp, scenario.sheet.strips, latency_steps=latency
         )
         self._response = CommandResponse(
             scenario.response, JOINTS_OF_BOTH, steps_per_cycle(scenario.physics.step_s)
         )
-        self._controller = make_controller(scenario, self.model)
+        self._controller = make_controller(scenario, physics)
 
     def _plan_home(self) -> Vector:
         """Walk the nominal path with the IK alone; return the joint angles of its start."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+import mujoco
 import mujoco.viewer
 
 from dualbend.control.alter import COMMAND_PERIOD_S
@@ -12,13 +13,15 @@ from dualbend.run.runner import BendingRun, RunResult
 
 def run_in_viewer(run: BendingRun) -> RunResult:
     """Run with a window open; closing the window does not end the run, only its picture."""
-    data = run.simulation.data
-    with mujoco.viewer.launch_passive(run.model, data) as window:
+    shown = mujoco.MjData(run.model)
+    with mujoco.viewer.launch_passive(run.model, shown) as window:
         started = time.perf_counter()
 
         def show(cycle: int) -> None:
             if not window.is_running():
                 return
+            shown.qpos[:] = run.simulation.data.qpos
+            mujoco.mj_forward(run.model, shown)
             window.sync()
             ahead = cycle * COMMAND_PERIOD_S - (time.perf_counter() - started)
             if ahead > 0.0:

@@ -18,8 +18,8 @@ Vector = NDArray[np.float64]
 Targets = tuple[mink.SE3, mink.SE3]
 """World poses of the left and the right grip frame."""
 
-TOLERANCE_M = 1e-8
-TOLERANCE_RAD = 1e-8
+TOLERANCE_M = 1e-7
+TOLERANCE_RAD = 1e-7
 """Residual at which the iteration stops: what is left must make no joint speed to speak of, since
 the sign of a joint's speed decides the friction that is fed forward."""
 

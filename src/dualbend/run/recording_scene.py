@@ -1,0 +1,251 @@
+"""The recording's scene in 3D: arms and tools, the sheet and its moment, grips and wrenches.
+
+Shapes are logged once a body; a cycle adds only the poses of what moves against its parent body.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from dualbend.run.recording_log import RecordingLog, Vector
+from dualbend.run.runner import RunResult
+from dualbend.run.trace import Trace
+from dualbend.scene.cell import SIDES
+from dualbend.scene.sheet import LEFT_END, RIGHT_END, strip_body
+
+LONGEST_ARROW_M = 0.25
+"""Bound of an arrow's length over a run."""
+
+NOMINAL_COLOUR = [130, 130, 130]
+"""Grey: what is nominal, in the scene and in the plots."""
+
+_FORCE_COLOUR, _MOMENT_COLOUR, _COMMAND_COLOUR = [255, 193, 7], [224, 64, 251], [0, 230, 118]
+
+_STILL = 1e-6
+"""What moves less than this against its parent [m, 1] in the whole run is logged once."""
+
+_DECIMALS, _SHEET_DECIMALS = 6, 5
+"""Places are rounded to 1 µm, the sheet's to 10 µm: what rests is then the same in every row, and
+compresses away."""
+
+_VISUAL_GROUP = 2
+_NICE = np.outer(10.0 ** np.arange(-9, 10), [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]).ravel()
+
+# Diverging map by K. Moreland, ISVC 2009: blue, grey, red at -1, 0, 1.
+_MAP_STOPS = (-1.0, -0.5, 0.0, 0.5, 1.0)
+_MAP_CHANNELS = ((59, 141, 221, 244, 180), (76, 176, 221, 152, 4), (192, 254, 221, 122, 38))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scales:
+    """What a colour and an arrow's length stand for, the same through a run."""
+
+    moment_range_n_m: float
+    force_m_per_n: float
+    torque_m_per_n_m: float
+
+    @classmethod
+    def of(cls, result: RunResult) -> Scales:
+        """Return round scales that hold the run's largest values."""
+        trace = result.trace
+        force, torque = (
+            np.abs([trace[f"{s}_true_{kind}_{a}"] for s in SIDES for a in "xyz"]).max(initial=1e-6)
+            for kind in ("force", "moment")
+        )
+        peak = result.bend_stiffness * np.abs(trace.bends).max(initial=1e-6)
+        return cls(
+            moment_range_n_m=float(_NICE[0.999 * peak <= _NICE].min()),
+            force_m_per_n=float(_NICE[LONGEST_ARROW_M / force >= _NICE].max()),
+            torque_m_per_n_m=float(_NICE[LONGEST_ARROW_M / torque >= _NICE].max()),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Motion:
+    """Places (rows, n, 3), orientations (rows, n, 4; w first) of bodies; places of the two ends."""
+
+    place: Vector
+    quaternion: Vector
+    ends: Vector
+
+
+def log_scene(log: RecordingLog, result: RunResult, scales: Scales) -> None:
+    """Log everything under ``/cell``, in the world frame and metres.
+
+    Raises
+    ------
+    NotImplementedError
+        A visual geom of the model is of a type that the recording has no shape for.
+    """
+    motion = _forward(result)
+    log.once("cell", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    _log_robots(log, result.model, motion)
+    _log_sheet(log, result, motion, scales)
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        _log_wrench(log, result.trace, side, sign, scales)
+        _log_grip(log, result.trace, side, sign)
+
+
+def _forward(result: RunResult) -> _Motion:
+    model, qpos = result.model, result.trace.qpos
+    data, rows = mujoco.MjData(model), len(qpos)
+    place, quaternion = np.empty((rows, model.nbody, 3)), np.empty((rows, model.nbody, 4))
+    ends, sites = np.empty((rows, 2, 3)), [model.site(name).id for name in (LEFT_END, RIGHT_END)]
+    for row, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        place[row], quaternion[row], ends[row] = data.xpos, data.xquat, data.site_xpos[sites]
+    return _Motion(place=place, quaternion=quaternion, ends=ends)
+
+
+def _log_robots(log: RecordingLog, model: mujoco.MjModel, motion: _Motion) -> None:
+    """Log floor, arms and tools; entities nest as bodies do, so that most poses never change."""
+    floor = rr.Boxes3D(
+        half_sizes=[1.5, 0.9, 0.01], centers=[0, 0, -0.011], colors=[74, 78, 84], fill_mode="solid"
+    )
+    log.once("cell/floor", floor)
+    entity = {0: "cell"}
+    for body in range(1, model.nbody):
+        name, parent = model.body(body).name, int(model.body_parentid[body])
+        shapes = _shapes(model, body)
+        if shapes and name.startswith(SIDES):
+            entity[body] = f"{entity[parent]}/{name}"
+            log.once(entity[body], *shapes)
+            if len(log.times):
+                _log_pose(log, entity[body], motion, body, parent)
+
+
+def _log_pose(log: RecordingLog, entity: str, motion: _Motion, body: int, parent: int) -> None:
+    """Log a body's pose in its parent body, only once where it rests."""
+    turn, back = (
+        Rotation.from_quat(motion.quaternion[:, i], scalar_first=True) for i in (body, parent)
+    )
+    back = back.inv()
+    place = back.apply(motion.place[:, body] - motion.place[:, parent]).round(_DECIMALS)
+    quaternion = (back * turn).as_quat(canonical=True)
+    if max(np.ptp(place, axis=0).max(), np.ptp(quaternion, axis=0).max()) <= _STILL:
+        turned = rr.Quaternion(xyzw=quaternion[0])
+        log.once(entity, rr.Transform3D(translation=place[0], quaternion=turned))
+    else:
+        log.rows(entity, rr.Transform3D, translation=place, quaternion=quaternion)
+
+
+def _shapes(model: mujoco.MjModel, body: int) -> list[Any]:
+    """Return the visual shapes of one body, one archetype a kind."""
+    mine = (model.geom_bodyid == body) & (model.geom_group == _VISUAL_GROUP)
+    shapes = []
+    for kind in np.unique(model.geom_type[mine]):
+        which = np.flatnonzero(mine & (model.geom_type == kind))
+        size, place = model.geom_size[which], model.geom_pos[which]
+        quaternion, material = model.geom_quat[which][:, [1, 2, 3, 0]], model.geom_matid[which]
+        plain = material[:, None] < 0
+        rgba = np.where(plain, model.geom_rgba[which], model.mat_rgba[material])
+        look = {"quaternions": quaternion, "colors": rgba, "fill_mode": "solid"}
+        round_ = {"radii": size[:, 0], "lengths": 2.0 * size[:, 1]}
+        match mujoco.mjtGeom(kind):
+            case mujoco.mjtGeom.mjGEOM_BOX:
+                shapes.append(rr.Boxes3D(half_sizes=size, centers=place, **look))
+            case mujoco.mjtGeom.mjGEOM_SPHERE:
+                shapes.append(rr.Ellipsoids3D(radii=size[:, 0], centers=place, **look))
+            case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+                shapes.append(rr.Ellipsoids3D(half_sizes=size, centers=place, **look))
+            case mujoco.mjtGeom.mjGEOM_CYLINDER:
+                shapes.append(rr.Cylinders3D(centers=place, **round_, **look))
+            case mujoco.mjtGeom.mjGEOM_CAPSULE:
+                # A capsule stands on its place in rerun and has its middle there in MuJoCo.
+                foot = Rotation.from_quat(quaternion).apply([0.0, 0.0, 1.0]) * -size[:, 1:2]
+                shapes.append(rr.Capsules3D(translations=place + foot, **round_, **look))
+            case other:
+                raise NotImplementedError(f"a visual geom of type {other.name} in the recording")
+    return shapes
+
+
+def diverging_colours(values: Vector) -> NDArray[np.uint8]:
+    """Return red, green, blue (..., 3) for values from -1 (blue) through 0 (grey) to 1 (red)."""
+    channels = [np.interp(values, _MAP_STOPS, channel) for channel in _MAP_CHANNELS]
+    return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+
+
+def _log_sheet(log: RecordingLog, result: RunResult, motion: _Motion, scales: Scales) -> None:
+    """Log the sheet as one ribbon through the hinge lines, coloured by the bending moment there."""
+    vertices = _ribbon(result, motion).round(_SHEET_DECIMALS)
+    moment = result.bend_stiffness * result.trace.bends
+    # Half a strip beyond the last hinges.
+    ends = 1.5 * moment[:, [0, -1]] - 0.5 * moment[:, [1, -2]]
+    moment = np.concatenate((ends[:, :1], moment, ends[:, 1:]), axis=1)
+    colours = np.tile(diverging_colours(moment / scales.moment_range_n_m), (1, 2, 1))
+    lines = moment.shape[1]
+    cell = np.array([[0, 1, lines], [1, lines + 1, lines]])
+    triangles = (np.arange(lines - 1)[:, None, None] + cell).reshape(-1, 3)
+    log.once("cell/sheet", rr.Mesh3D.from_fields(triangle_indices=triangles))
+    log.rows("cell/sheet", rr.Mesh3D, vertex_positions=vertices, vertex_colors=colours)
+
+
+def _ribbon(result: RunResult, motion: _Motion) -> Vector:
+    """Return the sheet's two long edges, one after the other (rows, 2 (hinges + 2), 3)."""
+    hinges = result.trace.bends.shape[1]
+    strips = [result.model.body(strip_body(i)).id for i in range(hinges + 1)]
+    # The middle strip's frame is at its centre, that of every other at its hinge.
+    hinged = strips[: hinges // 2] + strips[hinges // 2 + 1 :]
+    left, right = motion.ends[:, :1], motion.ends[:, 1:]
+    places = np.concatenate((left, motion.place[:, hinged], right), axis=1)
+    w, x, y, z = np.moveaxis(motion.quaternion[:, [hinged[0], *hinged, hinged[-1]]], -1, 0)
+    y_axes = np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)), -1)
+    across = 0.5 * result.scenario.sheet.width_m * y_axes
+    return np.concatenate((places - across, places + across), axis=1)
+
+
+def _in_world(trace: Trace, names: tuple[str, str, str], sign: float) -> Vector:
+    """Return three columns of an arm's bending frame as vectors (rows, 3) of the world."""
+    return np.stack([trace[name] for name in names], axis=1) * np.array([sign, sign, 1.0])
+
+
+def _log_wrench(log: RecordingLog, trace: Trace, side: str, sign: float, scales: Scales) -> None:
+    """Log force and moment of the sheet on a grip, the force on the sheet's side of the gripper.
+
+    A force may be drawn anywhere on its line of action: a push ends at the grip and a pull starts
+    there, so that neither is hidden in the gripper.
+    """
+    grip, force, moment = (
+        _in_world(trace, (f"{side}_{kind}_x", f"{side}_{kind}_y", f"{side}_{kind}_z"), sign)
+        for kind in ("grip", "true_force", "true_moment")
+    )
+    force, moment = scales.force_m_per_n * force, scales.torque_m_per_n_m * moment
+    pushes = sign * force[:, :1] < 0.0
+    origins = np.stack((np.where(pushes, grip - force, grip), grip), axis=1).round(_DECIMALS)
+    look = rr.Arrows3D.from_fields(colors=[_FORCE_COLOUR, _MOMENT_COLOUR], radii=0.004)
+    log.once(f"cell/wrench/{side}", look)
+    vectors = np.stack((force, moment), axis=1)
+    log.rows(f"cell/wrench/{side}", rr.Arrows3D, origins=origins, vectors=vectors)
+
+
+def _log_grip(log: RecordingLog, trace: Trace, side: str, sign: float) -> None:
+    """Log where a grip is, where it should be, and the nominal and commanded paths."""
+    still, to_world = np.zeros(trace.rows), np.array([sign, sign, 1.0])
+    grip = _in_world(trace, (f"{side}_grip_x", f"{side}_grip_y", f"{side}_grip_z"), sign)
+    nominal = (-trace["nominal_half_distance"], still, trace["nominal_z"])
+    command = (trace[f"{side}_command_x"], still, trace[f"{side}_command_z"])
+    lines = [np.stack(xyz, axis=1) * to_world for xyz in (nominal, command)]
+    _log_frame(log, f"cell/grip/{side}_actual", 0.03, grip, trace[f"{side}_grip_alpha"], sign)
+    angle = trace[f"{side}_command_alpha"]
+    _log_frame(log, f"cell/grip/{side}_commanded", 0.045, lines[1], angle, sign)
+    strips = [line[np.isfinite(line).all(axis=1)] for line in lines]
+    drawn = rr.LineStrips3D(strips, colors=[NOMINAL_COLOUR, _COMMAND_COLOUR], radii=0.001)
+    log.once(f"cell/path/{side}", drawn)
+
+
+def _log_frame(
+    log: RecordingLog, entity: str, length_m: float, place: Vector, alpha: Vector, sign: float
+) -> None:
+    """Log a frame turned by R_y(α), for the right arm by R_z(π) R_y(α)."""
+    c, s, none = np.cos(alpha / 2), np.sin(alpha / 2), np.zeros_like(alpha)
+    turn = np.stack((none, s, none, c) if sign > 0 else (-s, none, c, none), axis=1)
+    log.once(entity, rr.TransformAxes3D(length_m))
+    log.rows(entity, rr.Transform3D, translation=place.round(_DECIMALS), quaternion=turn)
