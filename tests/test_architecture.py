@@ -14,10 +14,10 @@ ROOMS = ("beam", "control", "scene", "task", "run", "analysis", "cli")
 """Each imports only from those before it; errors and resources are below all of them."""
 FOUNDATION = {"__init__", "errors", "resources"}
 HOMES = {
-    "mink": {"scene/ik.py"},
-    "rerun": {"run/recording.py"},
-    "matplotlib": {"analysis/figures.py"},
-    "mpl_toolkits": {"analysis/figures.py"},
+    "mink": "scene/ik.py",
+    "rerun": "run/recording",  # one home of several rooms: recording.py, recording_*.py
+    "matplotlib": "analysis/figures",
+    "mpl_toolkits": "analysis/figures",
 }
 NO_MUJOCO = ("beam", "control")
 
@@ -66,7 +66,8 @@ def test_a_library_has_one_home(library: str) -> None:
         for path in MODULES
         if any(name.split(".")[0] == library for name, _ in imported(path))
     }
-    assert users <= HOMES[library], f"{library} is imported outside its home: {users}"
+    strangers = {user for user in users if not user.startswith(HOMES[library])}
+    assert not strangers, f"{library} is imported outside its home: {strangers}"
 
 
 @pytest.mark.parametrize("name", NO_MUJOCO)

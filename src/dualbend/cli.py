@@ -157,7 +157,8 @@ def validate(as_json: bool) -> None:
     if as_json:
         import msgspec
 
-        click.echo(json.dumps([msgspec.to_builtins(row) for row in rows], indent=2))
+        # A number that could not be measured is null: NaN is no JSON.
+        click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=2).decode())
     failed = [row for row in rows if not row.passed]
     if not as_json:
         click.echo(f"{len(rows) - len(failed)} of {len(rows)} rows pass")
@@ -167,9 +168,10 @@ def validate(as_json: bool) -> None:
 
 def _show_row(row: Row) -> None:
     verdict = "pass" if row.passed else "FAIL"
+    allowed = f"error {row.error:.2g} of {row.tolerance:.2g}" if row.tolerance else ""
     click.echo(
-        f"{verdict}  {row.name:<66}{row.measured:>12.5g} {row.reference:>12.5g} {row.unit:<8}"
-        f" error {row.error:.2g} of {row.tolerance:.2g}"
+        f"{verdict}  {row.name:<70}{row.measured:>12.5g}{row.reference:>12.5g} "
+        f"{row.unit:<8} {allowed}".rstrip()
     )
 
 

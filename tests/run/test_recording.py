@@ -15,8 +15,9 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dualbend.run import recording
-from dualbend.run.recording import diverging_colours, write_recording
+from dualbend.run.recording import write_recording
+from dualbend.run.recording_scales import LONGEST_ARROW_M, Scales, diverging_colours
+from dualbend.run.recording_scene import CLEAR_OF_JAWS_M
 from dualbend.run.runner import BendingRun, RunResult
 from dualbend.run.scenario import load_scenario
 
@@ -93,10 +94,10 @@ def cut(result: RunResult, rows: int) -> RunResult:
     """Return the run as if stopped in the cycle of its last row, which stays unfinished."""
     trace = copy.deepcopy(result.trace)
     trace.rows = rows
-    for i, (name, _) in enumerate(trace.columns):
+    for name, _ in trace.columns:
         acted = ("deviation", "command", "setpoint", "ik", "measured", "filtered", "sensor")
         if rows and any(part in name for part in acted):
-            trace._table[rows - 1, i] = np.nan
+            trace[name][-1] = np.nan  # a view of the copy
     return dataclasses.replace(
         result, trace=trace, outcome="protective_stop", reason="following error, at 0.1 s"
     )
@@ -197,7 +198,7 @@ def test_the_sheet_keeps_its_length_and_meets_its_clamps(
 
 def test_the_sheets_colour_is_its_moment(recorded: Recorded, result: RunResult) -> None:
     moment = result.bend_stiffness * result.trace.bends
-    limit = recording._Scales.of(result).moment_range_n_m
+    limit = Scales.of(result).moment_range_n_m
     assert np.abs(moment).max() <= limit < 2.01 * np.abs(moment).max()
     assert f"−{limit:g} N m blue" in recorded.static["/outcome"]["TextDocument:text"][0]
     packed = recorded("/cell/sheet", "Mesh3D:vertex_colors").astype(np.uint32)
@@ -222,7 +223,7 @@ def test_colours_diverge_from_grey() -> None:
 def test_arrows_are_the_true_wrench_in_the_world(
     recorded: Recorded, result: RunResult, side: str, sign: float
 ) -> None:
-    trace, scales = result.trace, recording._Scales.of(result)
+    trace, scales = result.trace, Scales.of(result)
     vectors = recorded(f"/cell/wrench/{side}", "Arrows3D:vectors")
     for i, (kind, scale) in enumerate(
         (("force", scales.force_m_per_n), ("moment", scales.torque_m_per_n_m))
@@ -230,18 +231,38 @@ def test_arrows_are_the_true_wrench_in_the_world(
         wrench = np.stack([trace[f"{side}_true_{kind}_{a}"] for a in "xyz"], axis=1)
         world = wrench * [sign, sign, 1.0]  # half a turn about z for the right arm
         np.testing.assert_allclose(vectors[:, i] / scale, world, rtol=1e-6, atol=1e-9)
-    assert np.abs(vectors).max() < recording._LONGEST_ARROW_M * 1.001
+    assert np.abs(vectors).max() < LONGEST_ARROW_M * 1.001
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+def test_the_force_is_drawn_on_the_sheets_side_of_the_gripper(
+    recorded: Recorded, result: RunResult, side: str, sign: float
+) -> None:
+    trace, inwards = result.trace, np.array([sign, sign, 1.0])
+    grip = np.stack([trace[f"{side}_grip_{a}"] for a in "xyz"], axis=1) * inwards
+    origins = recorded(f"/cell/wrench/{side}", "Arrows3D:origins")
+    force = recorded(f"/cell/wrench/{side}", "Arrows3D:vectors")[:, 0]
+    pushes = trace[f"{side}_true_force_x"] < 0.0
+    assert 0 < pushes.sum() < trace.rows  # the flat sheet hangs between the grips and pulls
+    # Analytic: the arrow's head, or its tail in a pull, is at a fixed place beside the grip.
+    beside = np.where(pushes[:, None], origins[:, 0] + force, origins[:, 0])
+    np.testing.assert_allclose(beside, grip + inwards * CLEAR_OF_JAWS_M, atol=ROUNDING_M)
+    both_ends = sign * np.stack((origins[:, 0], origins[:, 0] + force))[..., 0]
+    assert (both_ends > sign * grip[:, 0] + 0.99 * CLEAR_OF_JAWS_M[0]).all()
+    np.testing.assert_allclose(origins[:, 1], grip, atol=ROUNDING_M)  # the moment is about it
 
 
 def test_phases_are_a_lane_that_ends_with_the_outcome(
     recorded: Recorded, result: RunResult
 ) -> None:
     states = [state for (state,) in recorded.columns["/phase"]["StateChange:state"]]
-    assert states == ["settle", "bend", "hold", "completed"]
+    assert states == ["settle", "bend", "hold", "completed", ""]  # nothing: the lane's end
     ends = recorded.times_ns["/phase"] / 1e9
     bend = result.trace["time"][result.trace["phase"] == 1]
     np.testing.assert_allclose(ends[1], bend[0], atol=1e-9)  # analytic
-    np.testing.assert_allclose(ends[-1], result.simulated_s, atol=1e-9)
+    np.testing.assert_allclose(ends[-2], result.simulated_s, atol=1e-9)
+    # A tenth of the lane, as long as a word: the viewer draws nothing after the last change.
+    np.testing.assert_allclose(ends[-1], 1.1 * result.simulated_s, atol=1e-9)
 
 
 def test_the_text_is_the_resolved_scenario(recorded: Recorded, result: RunResult) -> None:
@@ -266,7 +287,9 @@ def test_a_run_that_stopped_is_recorded_up_to_its_stop(
         for name in ("Scalars:scalars", "Transform3D:translation", "Arrows3D:vectors"):
             if name in columns:
                 assert np.isfinite(recorded(entity, name)).all()
-    assert recorded.columns["/phase"]["StateChange:state"][-1] == ["protective stop"]
+    *_, outcome, reset = recorded.columns["/phase"]["StateChange:state"]
+    assert (outcome, reset) == (["protective stop"], [""])
+    assert np.diff(recorded.times_ns["/phase"]).min() >= 28_000_000
     text = recorded.static["/outcome"]["TextDocument:text"][0]
     assert "protective stop" in text
     assert "following error, at 0.1 s" in text

@@ -241,6 +241,14 @@ def test_the_grips_arrive_at_the_nominal_pose() -> None:
     )
 
 
+def test_the_edge_is_not_the_grip() -> None:
+    """Two columns, not one: the pads give way outward under a push outward."""
+    trace = run(*HOLDING).trace
+    deflection = trace["left_edge_x"][-1] - trace["left_grip_x"][-1]
+    assert trace["left_true_force_x"][-1] < 0.0
+    assert -1e-5 < deflection < -1e-7
+
+
 def test_the_ik_is_converged_in_every_cycle() -> None:
     trace = run().trace
     assert trace["ik_position"].max() <= TOLERANCE_M

@@ -375,7 +375,6 @@ def test_a_negative_seed_is_refused(seed: int) -> None:
         ("physics.step_s=1e-300", "step_s"),
         ("path.interval_rad=1e-9", "interval_rad"),
         ("path.interval_rad=1e-300", "interval_rad"),
-        ('path={kind="piecewise",pieces=1000000000}', "pieces"),
         ("sheet.strips.hinges=1000000", "hinges"),
         ("alter.delay_cycles=1000000000000", "delay_cycles"),
         ("motion.hold_s=1e9", "hold_s"),
@@ -383,6 +382,11 @@ def test_a_negative_seed_is_refused(seed: int) -> None:
 )
 def test_a_number_that_would_fill_the_memory_is_refused(setting: str, key: str) -> None:
     assert key in refused("fig6", [setting])
+
+
+def test_a_path_of_too_many_pieces_is_refused(write: Write) -> None:
+    text = BASE.replace("interval_rad = 0.2", "pieces = 1000000000")
+    assert "path.pieces = 1000000000" in refused(write(text))
 
 
 # --- anything at all ----------------------------------------------------------------------------

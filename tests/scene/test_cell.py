@@ -243,6 +243,34 @@ def test_the_moment_of_the_hinges_continues_to_the_grip(
     assert balance == pytest.approx(0.0, abs=2e-4)  # the rest of the motion; moments are 0.01
 
 
+def test_a_weight_that_the_arms_do_not_compensate_is_fed_forward(bent: Cell) -> None:
+    model = bent.spec.compile()
+    links = [model.body(f"{side}_link{i}").id for side in SIDES for i in range(2, 7)]
+    model.body_gravcomp[links] = 0.0
+    simulation = Simulation(model, GRASP, STRIPS)
+    simulation.reset(bent.home, 0.0, np.zeros(STRIPS.hinges + 1), bent.height)
+    simulation.data.eq_active[:] = 0
+    seen = bent.hold(simulation, 20)
+    assert np.abs(seen.torque[[1, 7]]).min() > 20.0  # N m, above the dry friction of 10.6
+    # Analytic: gravity torque in, gravity torque out. Without it joint 2 would sink by 0.6 mrad.
+    np.testing.assert_allclose(seen.q, bent.home, atol=1e-9)
+
+
+def test_between_grip_and_edge_there_are_the_pads_and_the_hold(
+    held: tuple[Simulation, Observation],
+) -> None:
+    """The edge moves with the load, by the pad's deflection and what the weld itself gives way."""
+    _, seen = held
+    deflection = seen.edge[0] - seen.grip[0]
+    for axis, load, stiffness, least in (
+        (0, 0, GRASP.translational_stiffness_n_per_m, 0.6),
+        (3, 4, GRASP.rotational_stiffness_n_m_per_rad, 0.3),
+    ):
+        felt = seen.wrench[0, load] / deflection[axis]
+        # In series with the pad alone it would be 1; golden: 0.67 and 0.38 with 10 strips.
+        assert least < felt / stiffness < 1.0
+
+
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("axis", range(3))
 def test_a_known_force_on_a_pad_gives_its_stiffness(bent: Cell, side: str, axis: int) -> None:

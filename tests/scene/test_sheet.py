@@ -135,6 +135,21 @@ def test_a_positive_bend_turns_the_slope_down_along_the_arc() -> None:
         assert math.atan2(turned[0, 2], turned[0, 0]) == pytest.approx(0.01, abs=1e-15)
 
 
+def test_a_positive_twist_turns_the_right_neighbour_about_the_arc() -> None:
+    model = build(4)
+    data = mujoco.MjData(model)
+    for i in range(4):
+        data.qpos[7:] = 0.0
+        data.qpos[3] = 1.0
+        data.joint(f"sheet_twist_{i:02d}").qpos[0] = 0.01
+        mujoco.mj_kinematics(model, data)
+        left = data.body(strip_body(i)).xmat.reshape(3, 3)
+        right = data.body(strip_body(i + 1)).xmat.reshape(3, 3)
+        turned = left.T @ right
+        # Analytic: R_x(q), on both sides of the middle.
+        assert math.atan2(turned[2, 1], turned[1, 1]) == pytest.approx(0.01, abs=1e-15)
+
+
 def test_the_bent_chain_is_the_elastica_to_second_order() -> None:
     alpha, errors = 0.8, []
     for hinges in (10, 20, 40):

@@ -11,17 +11,14 @@ from typing import Any
 import mujoco
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dualbend.run.recording_log import RecordingLog, Vector
+from dualbend.run.recording_scales import Scales, diverging_colours
 from dualbend.run.runner import RunResult
 from dualbend.run.trace import Trace
 from dualbend.scene.cell import SIDES
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, strip_body
-
-LONGEST_ARROW_M = 0.25
-"""Bound of an arrow's length over a run."""
 
 NOMINAL_COLOUR = [130, 130, 130]
 """Grey: what is nominal, in the scene and in the plots."""
@@ -35,36 +32,10 @@ _DECIMALS, _SHEET_DECIMALS = 6, 5
 """Places are rounded to 1 µm, the sheet's to 10 µm: what rests is then the same in every row, and
 compresses away."""
 
+CLEAR_OF_JAWS_M = (0.025, 0.0, 0.015)
+"""From the grip to the force's arrow, towards the other arm and up: jaws and sheet hide less."""
+
 _VISUAL_GROUP = 2
-_NICE = np.outer(10.0 ** np.arange(-9, 10), [1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0]).ravel()
-
-# Diverging map by K. Moreland, ISVC 2009: blue, grey, red at -1, 0, 1.
-_MAP_STOPS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-_MAP_CHANNELS = ((59, 141, 221, 244, 180), (76, 176, 221, 152, 4), (192, 254, 221, 122, 38))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Scales:
-    """What a colour and an arrow's length stand for, the same through a run."""
-
-    moment_range_n_m: float
-    force_m_per_n: float
-    torque_m_per_n_m: float
-
-    @classmethod
-    def of(cls, result: RunResult) -> Scales:
-        """Return round scales that hold the run's largest values."""
-        trace = result.trace
-        force, torque = (
-            np.abs([trace[f"{s}_true_{kind}_{a}"] for s in SIDES for a in "xyz"]).max(initial=1e-6)
-            for kind in ("force", "moment")
-        )
-        peak = result.bend_stiffness * np.abs(trace.bends).max(initial=1e-6)
-        return cls(
-            moment_range_n_m=float(_NICE[0.999 * peak <= _NICE].min()),
-            force_m_per_n=float(_NICE[LONGEST_ARROW_M / force >= _NICE].max()),
-            torque_m_per_n_m=float(_NICE[LONGEST_ARROW_M / torque >= _NICE].max()),
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,12 +138,6 @@ def _shapes(model: mujoco.MjModel, body: int) -> list[Any]:
     return shapes
 
 
-def diverging_colours(values: Vector) -> NDArray[np.uint8]:
-    """Return red, green, blue (..., 3) for values from -1 (blue) through 0 (grey) to 1 (red)."""
-    channels = [np.interp(values, _MAP_STOPS, channel) for channel in _MAP_CHANNELS]
-    return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
-
-
 def _log_sheet(log: RecordingLog, result: RunResult, motion: _Motion, scales: Scales) -> None:
     """Log the sheet as one ribbon through the hinge lines, coloured by the bending moment there."""
     vertices = _ribbon(result, motion).round(_SHEET_DECIMALS)
@@ -204,22 +169,23 @@ def _ribbon(result: RunResult, motion: _Motion) -> Vector:
 
 def _in_world(trace: Trace, names: tuple[str, str, str], sign: float) -> Vector:
     """Return three columns of an arm's bending frame as vectors (rows, 3) of the world."""
-    return np.stack([trace[name] for name in names], axis=1) * np.array([sign, sign, 1.0])
+    world: Vector = np.stack([trace[name] for name in names], axis=1) * np.array([sign, sign, 1.0])
+    return world
 
 
 def _log_wrench(log: RecordingLog, trace: Trace, side: str, sign: float, scales: Scales) -> None:
     """Log force and moment of the sheet on a grip, the force on the sheet's side of the gripper.
 
-    A force may be drawn anywhere on its line of action: a push ends at the grip and a pull starts
-    there, so that neither is hidden in the gripper.
+    A push ends before the grip and a pull starts there: behind it, the gripper would hide both.
     """
     grip, force, moment = (
         _in_world(trace, (f"{side}_{kind}_x", f"{side}_{kind}_y", f"{side}_{kind}_z"), sign)
         for kind in ("grip", "true_force", "true_moment")
     )
     force, moment = scales.force_m_per_n * force, scales.torque_m_per_n_m * moment
-    pushes = sign * force[:, :1] < 0.0
-    origins = np.stack((np.where(pushes, grip - force, grip), grip), axis=1).round(_DECIMALS)
+    beside = grip + np.array([sign, sign, 1.0]) * CLEAR_OF_JAWS_M
+    start = np.where(sign * force[:, :1] < 0.0, beside - force, beside)
+    origins = np.stack((start, grip), axis=1).round(_DECIMALS)
     look = rr.Arrows3D.from_fields(colors=[_FORCE_COLOUR, _MOMENT_COLOUR], radii=0.004)
     log.once(f"cell/wrench/{side}", look)
     vectors = np.stack((force, moment), axis=1)

@@ -148,8 +148,9 @@ def load_scenario(
     """Load a shipped scenario by name, or a file, with ``path.to.key=value`` settings applied."""
     path = _find(name_or_file)
     data = _read(path, seen=())
-    for setting in settings:
-        _apply(data, setting)
+    # A new kind replaces its section, so it comes first: the other settings of the section stay.
+    for setting in sorted(settings, key=lambda text: ".kind=" not in text.replace(" ", "")):
+        data = _apply(data, setting)
     if seed is not None:
         data["seed"] = seed
     return _convert(data, f"{path.name} with --set" if settings else path.name)
@@ -208,7 +209,7 @@ def _merge(base: dict[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def _apply(data: dict[str, Any], setting: str) -> None:
+def _apply(data: dict[str, Any], setting: str) -> dict[str, Any]:
     key, equals, text = setting.partition("=")
     names = key.strip().split(".")
     if not equals or not all(names):
@@ -217,12 +218,14 @@ def _apply(data: dict[str, Any], setting: str) -> None:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = _number_or_text(text.strip())
-    table = data
+    table: object = data
     for name in names[:-1]:
-        table = table.setdefault(name, {})
+        table = table.get(name, {}) if isinstance(table, dict) else None
         if not isinstance(table, dict):
             raise InputError(f"--set {setting}: {name!r} is a value, not a section")
-    table[names[-1]] = value
+    for name in reversed(names):
+        value = {name: value}
+    return _merge(data, value)
 
 
 def _number_or_text(text: str) -> float | str:

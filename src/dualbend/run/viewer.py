@@ -11,6 +11,9 @@ from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.run.runner import BendingRun, RunResult
 
 
+_CLOSING_S = 1.0
+
+
 def run_in_viewer(run: BendingRun) -> RunResult:
     """Run with a window open; closing the window does not end the run, only its picture."""
     shown = mujoco.MjData(run.model)
@@ -27,4 +30,7 @@ def run_in_viewer(run: BendingRun) -> RunResult:
             if ahead > 0.0:
                 time.sleep(ahead)
 
-        return run.run(on_cycle=show)
+        result = run.run(on_cycle=show)
+    # The viewer's thread frees its window after it was closed: a process that ends before crashes.
+    time.sleep(_CLOSING_S)
+    return result
