@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from dualbend.control.command_response import CommandResponse, CommandResponseConfig
-from dualbend.control.servo import JointServo, JointServoConfig
-from dualbend.scene.arm import JOINT_STIFFNESS_N_M_PER_RAD
+from dualbend.control.servo import JointServo
 
 Array = NDArray[np.float64]
 K = np.array([4.5e4, 0.57e4, 2.0e3])
@@ -124,8 +123,3 @@ def test_one_call_serves_all_rows_of_a_cycle() -> None:
     rows = servo.setpoint(position, velocity, acceleration)
     one = [servo.setpoint(*row) for row in zip(position, velocity, acceleration, strict=True)]
     np.testing.assert_array_equal(rows, one)
-
-
-def test_the_default_stiffness_is_the_arms() -> None:
-    """The same six numbers are written in two places."""
-    assert JointServoConfig().stiffness_n_m_per_rad == JOINT_STIFFNESS_N_M_PER_RAD

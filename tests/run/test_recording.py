@@ -260,9 +260,9 @@ def test_phases_are_a_lane_that_ends_with_the_outcome(
     ends = recorded.times_ns["/phase"] / 1e9
     bend = result.trace["time"][result.trace["phase"] == 1]
     np.testing.assert_allclose(ends[1], bend[0], atol=1e-9)  # analytic
-    np.testing.assert_allclose(ends[-2], result.simulated_s, atol=1e-9)
+    np.testing.assert_allclose(ends[-2], 0.028 * result.trace.rows, atol=1e-9)
     # A tenth of the lane, as long as a word: the viewer draws nothing after the last change.
-    np.testing.assert_allclose(ends[-1], 1.1 * result.simulated_s, atol=1e-9)
+    np.testing.assert_allclose(ends[-1], 1.1 * ends[-2], atol=1e-9)
 
 
 def test_the_text_is_the_resolved_scenario(recorded: Recorded, result: RunResult) -> None:
@@ -287,6 +287,7 @@ def test_a_run_that_stopped_is_recorded_up_to_its_stop(
         for name in ("Scalars:scalars", "Transform3D:translation", "Arrows3D:vectors"):
             if name in columns:
                 assert np.isfinite(recorded(entity, name)).all()
+    assert recorded.times_ns["/phase"][-2] == 28_000_000 * rows
     *_, outcome, reset = recorded.columns["/phase"]["StateChange:state"]
     assert (outcome, reset) == (["protective stop"], [""])
     assert np.diff(recorded.times_ns["/phase"]).min() >= 28_000_000

@@ -119,7 +119,7 @@ def test_the_simulated_time_is_the_physics_own() -> None:
     for settings in ((), ("guard.following_error_rad=1e-5",)):
         prepared = prepare(*settings)
         result = prepared.run()
-        assert result.simulated_s == pytest.approx(prepared.simulation.data.time, abs=1e-9)
+        assert result.simulated_s == pytest.approx(prepared.cell.simulation.data.time, abs=1e-9)
 
 
 def test_a_sample_of_a_whole_cycle_is_the_one_of_the_row_before() -> None:
@@ -317,7 +317,7 @@ def test_a_state_that_is_no_number_fails_the_run_and_keeps_its_rows(
 
     def break_it(cycles: int) -> None:
         if cycles == 5:
-            prepared.simulation.data.qvel[0] = np.nan
+            prepared.cell.simulation.data.qvel[0] = np.nan
 
     result = prepared.run(break_it)
     assert result.outcome == "failed"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dualbend.beam import elastica
 from dualbend.control.command_response import CommandResponse, CommandResponseConfig
-from dualbend.run.runner import HOME_GUESS_RAD, make_servo
+from dualbend.run.robot_cell import HOME_GUESS_RAD, make_servo
 from dualbend.run.scenario import Scenario, load_scenario
 from dualbend.scene import arm
 from dualbend.scene.cell import (
@@ -263,11 +263,11 @@ def test_between_grip_and_edge_there_are_the_pads_and_the_hold(
     _, seen = held
     deflection = seen.edge[0] - seen.grip[0]
     for axis, load, stiffness, least in (
-        (0, 0, GRASP.translational_stiffness_n_per_m, 0.6),
-        (3, 4, GRASP.rotational_stiffness_n_m_per_rad, 0.3),
+        (0, 0, GRASP.translational_stiffness_n_per_m, 0.90),
+        (3, 4, GRASP.rotational_stiffness_n_m_per_rad, 0.99),
     ):
         felt = seen.wrench[0, load] / deflection[axis]
-        # In series with the pad alone it would be 1; golden: 0.67 and 0.38 with 10 strips.
+        # Analytic for the pad alone: 1. The bounds are what the weld may give way besides.
         assert least < felt / stiffness < 1.0
 
 

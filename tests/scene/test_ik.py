@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dualbend.beam import elastica
 from dualbend.errors import InputError
-from dualbend.run.runner import HOME_GUESS_RAD
+from dualbend.run.robot_cell import HOME_GUESS_RAD
 from dualbend.scene.arm import GRIP_SITE, JOINTS
 from dualbend.scene.cell import SIDES, CellConfig, robots_only
 from dualbend.scene.ik import (

@@ -6,6 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from dualbend.analysis import dh
+from dualbend.control.servo import JointServoConfig
 from dualbend.errors import InputError
 from dualbend.resources import models_dir
 from dualbend.scene import arm
@@ -33,7 +34,7 @@ def armed_model() -> mujoco.MjModel:
     """Return the arm with gripper and stiff joint servos."""
     spec = arm.load_arm()
     spec.attach(arm.load_gripper(), site=arm.FLANGE_SITE, prefix="g/")
-    for name, stiffness in zip(arm.JOINTS, arm.JOINT_STIFFNESS_N_M_PER_RAD, strict=True):
+    for name, stiffness in zip(arm.JOINTS, JointServoConfig().stiffness_n_m_per_rad, strict=True):
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=stiffness, kv=0.02 * stiffness)
     return spec.compile()
@@ -317,7 +318,7 @@ def test_sensor_reads_an_end_force_with_the_documented_sign(armed: mujoco.MjMode
 def test_endpoint_stiffness_is_how_far_the_servos_yield() -> None:
     servo = armed_model()
     servo.dof_frictionloss[:] = 0.0  # dry friction would hide the yield
-    kq = np.array(arm.JOINT_STIFFNESS_N_M_PER_RAD)
+    kq = np.array(JointServoConfig().stiffness_n_m_per_rad)
     data, jacobian = mujoco.MjData(servo), np.zeros((3, servo.nv))
     data.qpos[:6] = data.ctrl[:] = arm.WORKING_RAD
     mujoco.mj_forward(servo, data)
@@ -325,7 +326,7 @@ def test_endpoint_stiffness_is_how_far_the_servos_yield() -> None:
     mujoco.mj_jacSite(servo, data, jacobian, None, servo.site("g/grip").id)
     K = arm.endpoint_stiffness(jacobian[:, :6], kq)
     # Golden: along x, y, z while the other two directions are free to yield [N/m].
-    np.testing.assert_allclose(1 / np.diag(np.linalg.inv(K)), [143547, 93745, 8016], rtol=1e-4)
+    np.testing.assert_allclose(1 / np.diag(np.linalg.inv(K)), [188444, 126013, 9741], rtol=1e-4)
     push = np.array([-1.0, 0.5, 2.0])
     data.qfrc_applied[:] = jacobian.T @ push
     for _ in range(1500):

@@ -55,7 +55,7 @@ def benchmark(scenario: Scenario, repetitions: int) -> Benchmark:
 
 def _bare_time(run: BendingRun, cycles: int) -> float:
     """Return the time that the run's physics steps take alone [s], in its last state."""
-    simulation = run.simulation
+    simulation = run.cell.simulation
     started = time.perf_counter()
     mujoco.mj_step(simulation.model, simulation.data, nstep=cycles * simulation.steps)
     return time.perf_counter() - started

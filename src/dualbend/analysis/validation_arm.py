@@ -17,6 +17,7 @@ from dualbend.control.force_torque import (
     ToolGravityCompensation,
     WrenchChain,
 )
+from dualbend.control.servo import JointServoConfig
 from dualbend.scene import arm
 from dualbend.scene.cell import CellConfig, robots_only
 from dualbend.scene.simulation import tool_mass_and_centre
@@ -118,7 +119,7 @@ def _hold_by_servos(spec: mujoco.MjSpec) -> None:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # Random poses may put links into each other, which is not what is measured.
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    for joint, stiffness in zip(arm.JOINTS, arm.JOINT_STIFFNESS_N_M_PER_RAD, strict=True):
+    for joint, stiffness in zip(arm.JOINTS, JointServoConfig().stiffness_n_m_per_rad, strict=True):
         name = f"{_SIDE}_{joint}"
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=stiffness, kv=_HOLD_DAMPING_S * stiffness)

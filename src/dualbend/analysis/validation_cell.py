@@ -12,14 +12,13 @@ from scipy import optimize, signal
 from dualbend.analysis.validation_row import Row, relative
 from dualbend.beam import elastica
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
-from dualbend.control.alter import COMMAND_PERIOD_S, steps_per_cycle
-from dualbend.control.command_response import CommandResponse, CommandResponseConfig
-from dualbend.run.runner import HOME_GUESS_RAD, make_servo
+from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.control.command_response import CommandResponseConfig
+from dualbend.run.robot_cell import RobotCell
 from dualbend.run.scenario import load_scenario
 from dualbend.scene import arm
-from dualbend.scene.cell import SIDES, compose_cell, robots_only
-from dualbend.scene.ik import InverseKinematics, grip_targets
-from dualbend.scene.simulation import Observation, Simulation
+from dualbend.scene.cell import SIDES
+from dualbend.scene.simulation import Observation
 
 Vector = NDArray[np.float64]
 
@@ -63,41 +62,23 @@ class HeldCell:
         length, height = scenario.sheet.length_m, scenario.cell.sheet_height_m
         x, rise = elastica.half_distance(alpha_rad, length), elastica.rise(alpha_rad, length)
         self.pose = np.array([-x, height + rise, alpha_rad])
-        robots = robots_only(scenario.cell).compile()
-        if not dry_friction:
-            robots.dof_frictionloss[:] = 0.0
-        self._ik = InverseKinematics(robots)
-        self._q = self._solve(self.pose, HOME_GUESS_RAD)
-        self._servo = make_servo(scenario, robots, self._q)
-        step_s = scenario.physics.step_s
-        sheet, strips = scenario.sheet.sheet(), scenario.sheet.strips
-        self.model = compose_cell(
-            scenario.cell, scenario.grasp, sheet, strips, self._servo, step_s
-        ).compile()
+        self._cell = RobotCell(scenario, self.pose)
+        self.simulation = self._cell.simulation
+        self.model = self.simulation.model
         joints = [self.model.joint(f"{side}_{name}") for side in SIDES for name in arm.JOINTS]
         self.dof = np.array([joint.dofadr[0] for joint in joints])
         if not dry_friction:
             self.model.dof_frictionloss[self.dof] = 0.0
-        self.simulation = Simulation(self.model, scenario.grasp, strips)
-        self._response = CommandResponse(scenario.response, len(self._q), steps_per_cycle(step_s))
-        self._response.reset(self._q)
-        arcs = np.linspace(0.0, length, strips.hinges + 1)
-        _, _, slopes = elastica.shape(alpha_rad, length, arcs)
-        self.simulation.reset(self._q, sheet.thickness_m / 2, slopes, height)
-
-    def _solve(self, pose: Vector, start: Vector) -> Vector:
-        return self._ik.solve_from_home(grip_targets(np.array([pose, pose])), start).q
+        self._q = self._cell.home
+        self._cell.reset()
 
     def command(self, pose: Vector, cycles: int) -> list[Observation]:
         """Command both grips to (x, z, α) [m, m, rad] and return what is seen at each cycle."""
-        self._q = self._solve(pose, self._q)
+        self._q = self._cell.reach(pose, self._q)
         seen = []
         for _ in range(cycles):
             seen.append(self.simulation.observe())
-            reference = self._response.update(self._q)
-            self.simulation.advance(
-                self._servo.setpoint(reference.position, reference.velocity, reference.acceleration)
-            )
+            self._cell.send(self._q)
         return seen
 
     def rest(self) -> Observation:

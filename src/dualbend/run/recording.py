@@ -131,7 +131,7 @@ def _log_phases(log: RecordingLog, result: RunResult) -> None:
     """
     phase = result.trace["phase"].astype(int)
     starts = np.flatnonzero(np.diff(phase, prepend=-1))
-    end_s = result.simulated_s
+    end_s = COMMAND_PERIOD_S * len(phase)
     ends_ns = [round(1e9 * t) for t in (end_s, end_s + max(_LANE * end_s, COMMAND_PERIOD_S))]
     times = np.append(log.times[starts], np.array(ends_ns, dtype="timedelta64[ns]"))
     states = [*(PHASES[phase[i]] for i in starts), _words(result.outcome), ""]

@@ -88,23 +88,29 @@ def _log_robots(log: RecordingLog, model: mujoco.MjModel, motion: _Motion) -> No
         shapes = _shapes(model, body)
         if shapes and name.startswith(SIDES):
             entity[body] = f"{entity[parent]}/{name}"
-            log.once(entity[body], *shapes)
-            if len(log.times):
-                _log_pose(log, entity[body], motion, body, parent)
+            _log_body(log, entity[body], shapes, *_rows_of_pose(motion, body, parent))
 
 
-def _log_pose(log: RecordingLog, entity: str, motion: _Motion, body: int, parent: int) -> None:
-    """Log a body's pose in its parent body, only once where it rests."""
-    turn, back = (
+def _rows_of_pose(motion: _Motion, body: int, parent: int) -> tuple[Vector, Vector]:
+    """Return a body's places (rows, 3) and orientations (rows, 4; w last) in its parent body."""
+    turn, base = (
         Rotation.from_quat(motion.quaternion[:, i], scalar_first=True) for i in (body, parent)
     )
-    back = back.inv()
-    place = back.apply(motion.place[:, body] - motion.place[:, parent]).round(_DECIMALS)
-    quaternion = (back * turn).as_quat(canonical=True)
-    if max(np.ptp(place, axis=0).max(), np.ptp(quaternion, axis=0).max()) <= _STILL:
+    back = base.inv()
+    place = back.apply(motion.place[:, body] - motion.place[:, parent])
+    return place.round(_DECIMALS), (back * turn).as_quat(canonical=True)
+
+
+def _log_body(
+    log: RecordingLog, entity: str, shapes: list[Any], place: Vector, quaternion: Vector
+) -> None:
+    """Log a body's shapes and its pose in its parent body, the pose only once where it rests."""
+    both = np.concatenate((place, quaternion), axis=1)
+    if len(both) and np.ptp(both, axis=0).max() <= _STILL:
         turned = rr.Quaternion(xyzw=quaternion[0])
-        log.once(entity, rr.Transform3D(translation=place[0], quaternion=turned))
+        log.once(entity, *shapes, rr.Transform3D(translation=place[0], quaternion=turned))
     else:
+        log.once(entity, *shapes)
         log.rows(entity, rr.Transform3D, translation=place, quaternion=quaternion)
 
 

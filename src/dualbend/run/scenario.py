@@ -7,6 +7,7 @@ A file may say ``extends = "fig6"`` and give only what differs. Every error is a
 from __future__ import annotations
 
 import difflib
+import functools
 import math
 import re
 import tomllib
@@ -35,6 +36,8 @@ Outcome = Literal["completed", "protective_stop", "failed"]
 
 LONGEST_RUN_S = 3600.0
 """A run of an hour holds some 10⁵ cycles in memory."""
+
+_SMALLEST, _LARGEST = 1e-15, 1e15
 
 
 class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -87,7 +90,7 @@ class ArmsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 class PhysicsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The physics step."""
 
-    step_s: Annotated[float, msgspec.Meta(gt=0, le=0.028)] = 0.00175
+    step_s: Annotated[float, msgspec.Meta(ge=1e-5, le=0.028)] = 0.00175
 
     def __post_init__(self) -> None:
         """Refuse a step that does not divide the command period."""
@@ -103,7 +106,9 @@ class ExpectConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything about a run."""
 
-    name: Annotated[str, msgspec.Meta(min_length=1)]
+    name: Annotated[
+        str, msgspec.Meta(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][\w.+-]*\Z")
+    ]
     description: str = ""
     seed: Annotated[int, msgspec.Meta(ge=0)] = 1
     sheet: SheetConfig
@@ -158,8 +163,12 @@ def load_scenario(
 
 def _find(name_or_file: str) -> Path:
     path = Path(name_or_file)
-    if path.suffix == ".toml" or path.is_file():
-        if not path.is_file():
+    try:
+        is_file = path.is_file()
+    except (OSError, ValueError) as error:  # too long, or with a NUL
+        raise InputError(f"{name_or_file!r}: no such file: {error}") from error
+    if path.suffix == ".toml" or is_file:
+        if not is_file:
             raise InputError(f"{name_or_file}: no such file")
         return path
     shipped = list_scenarios()
@@ -179,13 +188,15 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # also thousands of digits or brackets
         raise InputError(f"{path.name}: no valid TOML: {error}") from error
     base = data.pop("extends", None)
     if base is None:
         return data
     if not isinstance(base, str):
         raise InputError(f"{path.name}: extends = {base!r}: needs a scenario's name or file")
+    if "\0" in base:
+        raise InputError(f"{path.name}: extends = {base!r}: no file's name")
     base_path = path.parent / base if base.endswith(".toml") else _find(base)
     if base_path.resolve() in seen or base_path.resolve() == path.resolve():
         raise InputError(
@@ -196,14 +207,19 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     return _merge(parent, data)
 
 
-def _merge(base: dict[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+def _merge(
+    base: dict[str, Any], over: Mapping[str, Any], kind: object = Scenario
+) -> dict[str, Any]:
     """Return ``over`` laid upon ``base``; a section of another ``kind`` replaces it whole."""
-    if "kind" in over and over["kind"] != base.get("kind"):
+    fields = _fields_of(kind)
+    # A base that does not say its kind has the default one.
+    default = fields["kind"].default if "kind" in fields else None
+    if "kind" in over and over["kind"] != base.get("kind", default):
         return dict(over)
     merged = dict(base)
     for key, value in over.items():
         if isinstance(value, dict) and isinstance(merged.get(key), dict):
-            merged[key] = _merge(merged[key], value)
+            merged[key] = _merge(merged[key], value, fields[key].type if key in fields else None)
         else:
             merged[key] = value
     return merged
@@ -212,11 +228,11 @@ def _merge(base: dict[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 def _apply(data: dict[str, Any], setting: str) -> dict[str, Any]:
     key, equals, text = setting.partition("=")
     names = key.strip().split(".")
-    if not equals or not all(names):
+    if not equals or not all(names) or len(names) > 10:
         raise InputError(f"--set {setting}: needs path.to.key=value, e.g. alter.delay_cycles=2")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         value = _number_or_text(text.strip())
     table: object = data
     for name in names[:-1]:
@@ -237,7 +253,7 @@ def _number_or_text(text: str) -> float | str:
 
 
 def _convert(data: dict[str, Any], source: str) -> Scenario:
-    _refuse_non_finite(data, source, ())
+    _refuse_absurd(data, source, ())
     _refuse_unknown(data, Scenario, source, ())
     try:
         return msgspec.convert(data, Scenario)
@@ -245,23 +261,29 @@ def _convert(data: dict[str, Any], source: str) -> Scenario:
         raise InputError(f"{source}: {_explain(data, str(error))}") from error
 
 
-def _refuse_non_finite(value: object, source: str, keys: tuple[str, ...]) -> None:
+def _refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
+    """Refuse what is no number, and sizes that no quantity has but that overflow a product."""
     if isinstance(value, dict):
         for key, item in value.items():
-            _refuse_non_finite(item, source, (*keys, key))
+            _refuse_absurd(item, source, (*keys, key))
     elif isinstance(value, list):
         for item in value:
-            _refuse_non_finite(item, source, keys)
-    elif isinstance(value, float) and not math.isfinite(value):
-        raise InputError(f"{source}: {'.'.join(keys)} = {value}: must be a finite number")
+            _refuse_absurd(item, source, keys)
+    elif isinstance(value, int | float) and keys != ("seed",):
+        if isinstance(value, float) and not math.isfinite(value):
+            raise InputError(f"{source}: {'.'.join(keys)} = {value}: must be a finite number")
+        if value and not _SMALLEST <= abs(value) <= _LARGEST:
+            raise InputError(
+                f"{source}: {'.'.join(keys)} = {value}: must be 0 or between {_SMALLEST:g} and "
+                f"{_LARGEST:g} in size"
+            )
 
 
 def _refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ...]) -> None:
     """Name an unknown key with its nearest valid ones, which msgspec's own message lacks."""
-    struct = _struct_of(kind)
-    if struct is None or not isinstance(data, dict):
+    fields = {name: field.type for name, field in _fields_of(kind).items()}
+    if not fields or not isinstance(data, dict):
         return
-    fields = {field.encode_name: field.type for field in msgspec.structs.fields(struct)}
     for key, value in data.items():
         if key not in fields:
             close = difflib.get_close_matches(key, fields, n=2, cutoff=0.5)
@@ -272,6 +294,13 @@ def _refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ..
                 f"valid here: {', '.join(fields)}"
             )
         _refuse_unknown(value, fields[key], source, (*keys, key))
+
+
+@functools.cache
+def _fields_of(kind: object) -> dict[str, msgspec.structs.FieldInfo]:
+    """Return the fields of a section's type; none of a value's."""
+    struct = None if kind is None else _struct_of(kind)
+    return {} if struct is None else {f.encode_name: f for f in msgspec.structs.fields(struct)}
 
 
 def _struct_of(kind: object) -> type[msgspec.Struct] | None:
@@ -290,13 +319,33 @@ def _explain(data: dict[str, Any], message: str) -> str:
         return message
     keys, text = match.group(1), message[: match.start()]
     value: Any = data
+    kind: object = Scenario
     for part in re.findall(r"[^.\[\]]+", keys):
+        fields = _fields_of(kind)
+        kind = fields[part].type if part in fields else kind
         if isinstance(value, dict):
             value = value.get(part)
         elif isinstance(value, list) and part.isdigit() and int(part) < len(value):
             value = value[int(part)]
+    if text.startswith("Invalid enum value"):
+        text = f"must be one of {', '.join(_choices(msgspec.inspect.type_info(kind)))}"
+    elif "matching regex" in text:
+        text = "must begin with a letter or digit and hold only letters, digits and . _ + -"
     shown = "" if isinstance(value, dict) or value is None else f" = {value!r}"
     return f"{keys}{shown}: {text}"
+
+
+def _choices(info: msgspec.inspect.Type) -> list[str]:
+    """Return the words that a type allows, also inside a tuple or beside None."""
+    if isinstance(info, msgspec.inspect.LiteralType):
+        return [repr(word) for word in info.values]
+    if isinstance(info, msgspec.inspect.Metadata):
+        return _choices(info.type)
+    if isinstance(info, msgspec.inspect.VarTupleType):
+        return _choices(info.item_type)
+    if isinstance(info, msgspec.inspect.UnionType):
+        return [word for option in info.types for word in _choices(option)]
+    return []
 
 
 def _without_none(value: Any) -> Any:  # noqa: ANN401 - a tree of TOML values

@@ -10,21 +10,20 @@ import mujoco.viewer
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.run.runner import BendingRun, RunResult
 
-
 _CLOSING_S = 1.0
 
 
 def run_in_viewer(run: BendingRun) -> RunResult:
     """Run with a window open; closing the window does not end the run, only its picture."""
-    shown = mujoco.MjData(run.model)
-    with mujoco.viewer.launch_passive(run.model, shown) as window:
+    shown = mujoco.MjData(run.cell.model)
+    with mujoco.viewer.launch_passive(run.cell.model, shown) as window:
         started = time.perf_counter()
 
         def show(cycle: int) -> None:
             if not window.is_running():
                 return
-            shown.qpos[:] = run.simulation.data.qpos
-            mujoco.mj_forward(run.model, shown)
+            shown.qpos[:] = run.cell.simulation.data.qpos
+            mujoco.mj_forward(run.cell.model, shown)
             window.sync()
             ahead = cycle * COMMAND_PERIOD_S - (time.perf_counter() - started)
             if ahead > 0.0:

@@ -46,10 +46,6 @@ WORKING_RAD: Final = (0.0, math.radians(97.0), math.radians(-195.0), 0.0, math.r
 JOINT_SPEED_LIMIT_RAD_PER_S: Final = (1.92, 1.51, 2.40, 5.34, 5.09, 5.74)
 """Speed at which the drive's voltage saturates [rad/s]; Corke (1996), Tables 2.18 and 2.21."""
 
-JOINT_STIFFNESS_N_M_PER_RAD: Final = (4.5e4, 3.3e4, 0.57e4, 2.0e3, 2.0e3, 2.0e3)
-"""Joint stiffness with the motors held [N m/rad]; 1-3 inferred from a 14-20 Hz first resonance
-(itself recalled), 4-6 assumed."""
-
 
 def load_arm() -> mujoco.MjSpec:
     """Return a fresh specification of one PUMA 560 without actuators or gripper.

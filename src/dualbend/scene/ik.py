@@ -53,7 +53,6 @@ class InverseKinematics:
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._configuration = mink.Configuration(model)
-        # Damping far below the tolerance squared: Newton's convergence is kept.
         self._tasks = [
             mink.FrameTask(f"{side}_{GRIP_SITE}", "site", position_cost=1.0, orientation_cost=1.0)
             for side in SIDES
@@ -80,6 +79,7 @@ class InverseKinematics:
                 iteration == max_iterations
             ):
                 break
+            # The damping only keeps the QP regular: 1e-12 against JᵀJ ~ 1 costs no convergence.
             velocity = mink.solve_ik(
                 configuration, self._tasks, 1.0, solver="daqp", damping=1e-12, limits=self._limits
             )
@@ -107,9 +107,9 @@ class InverseKinematics:
         ]
         where = f", at the limit of {', '.join(at_limit)}" if at_limit else ""
         return (
-            f"grip pose out of reach: the nearest that the arms can do misses it by "
+            f"grip pose out of reach: the search ended "
             f"{1e3 * solution.position_residual_m:.1f} mm and "
-            f"{np.degrees(solution.rotation_residual_rad):.2f} degrees{where}"
+            f"{np.degrees(solution.rotation_residual_rad):.2f} degrees away{where}"
         )
 
 

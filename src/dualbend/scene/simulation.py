@@ -63,7 +63,8 @@ class Simulation:
     grasp, strips
         What the model was composed with.
     latency_steps
-        Age of the sensor sample [physics steps].
+        Age of the sensor sample at the start of the cycle that uses it [physics steps]. The
+        youngest is one step old: the force that acts during a step is known when it is done.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class Simulation:
         self.torque_limit = model.jnt_actfrcrange[[joint.id for joint in joints], 1].copy()
         self._stiffness = -model.actuator_biasprm[:, 1].copy()
         self._hold_ids(grasp, strips)
-        whole, within = divmod(latency_steps, self.steps)
+        whole, within = divmod(max(latency_steps, 1) - 1, self.steps)
         self._sample_step = self.steps - 1 - within
         self._line = TransportDelay(whole, 2 * (6 + 9))
 

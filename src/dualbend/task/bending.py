@@ -29,9 +29,11 @@ class PathConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     start_rad: Annotated[float, msgspec.Meta(ge=0, description="bending angle at the start")] = 0.0
     end_rad: Annotated[float, msgspec.Meta(gt=0, description="bending angle at the end")] = 1.0
     interval_rad: (
-        Annotated[float, msgspec.Meta(gt=0, description="length of a linear piece")] | None
+        Annotated[float, msgspec.Meta(ge=1e-4, description="length of a linear piece")] | None
     ) = None
-    pieces: Annotated[int, msgspec.Meta(ge=1, description="number of linear pieces")] | None = None
+    pieces: Annotated[int, msgspec.Meta(ge=1, le=1000, description="number of pieces")] | None = (
+        None
+    )
 
     def __post_init__(self) -> None:
         """Refuse angles past the gripper's meeting and a piece-wise path without its pieces."""
@@ -115,6 +117,8 @@ def nominal_motion(path: PathConfig, motion: MotionConfig, length_m: float) -> N
         int(np.ceil(duration / COMMAND_PERIOD_S - 1e-9))
         for duration in (motion.settle_s, law.duration_s, motion.hold_s)
     ]
+    # However short the way: the bending is a cycle at least.
+    counts[1] = max(counts[1], 1)
     # The last phase owns the sample at its end, so that the run reaches the final angle.
     counts[-1] += 1
     since_bending = COMMAND_PERIOD_S * np.arange(

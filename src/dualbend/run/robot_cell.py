@@ -1,0 +1,99 @@
+"""A scenario's cell made ready to be commanded: inverse kinematics, servos, response, physics."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.beam import elastica
+from dualbend.control.alter import steps_per_cycle
+from dualbend.control.command_response import CommandResponse
+from dualbend.control.servo import JointServo
+from dualbend.run.scenario import Scenario
+from dualbend.scene.cell import SIDES, compose_cell, robots_only, without_looks
+from dualbend.scene.ik import InverseKinematics, grip_targets
+from dualbend.scene.simulation import SensorSample, Simulation
+
+Vector = NDArray[np.float64]
+
+HOME_GUESS_RAD = np.radians([0.0, 45.0, -180.0, 0.0, 45.0, 0.0] * len(SIDES))
+"""Elbow up, forearm down, hand level: the branch of solutions that the cell is laid out for."""
+
+
+class RobotCell:
+    """Both arms with the sheet between them, at rest, tracking joint set-points cycle by cycle.
+
+    Parameters
+    ----------
+    scenario
+        Says everything about the cell.
+    start
+        x, z [m] and end slope α [rad] of both grips in their bending frames, (3,).
+
+    Raises
+    ------
+    InputError
+        The start is out of reach.
+    """
+
+    def __init__(self, scenario: Scenario, start: Vector) -> None:
+        self.scenario, self.start = scenario, start
+        robots = robots_only(scenario.cell).compile()
+        self.ik = InverseKinematics(robots)
+        self.home = self.reach(start, HOME_GUESS_RAD)
+        self.servo = make_servo(scenario, robots, self.home)
+        step_s = scenario.physics.step_s
+        sheet, strips = scenario.sheet.sheet(), scenario.sheet.strips
+        self.spec = compose_cell(scenario.cell, scenario.grasp, sheet, strips, self.servo, step_s)
+        self.simulation = Simulation(
+            without_looks(self.spec).compile(),
+            scenario.grasp,
+            strips,
+            latency_steps=scenario.sensor.latency_steps(step_s),
+        )
+        self.response = CommandResponse(scenario.response, len(self.home), steps_per_cycle(step_s))
+
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """The model with its looks, for pictures; the same joints as the simulated one."""
+        return self.spec.compile()
+
+    def reach(self, pose: Vector, guess: Vector) -> Vector:
+        """Return the joint angles (12,) for both grips at (x, z, α); InputError where none are."""
+        return self.ik.solve_from_home(grip_targets(np.array([pose, pose])), guess).q
+
+    def reset(self) -> SensorSample:
+        """Put the cell at rest in its start, the sheet in its zero-moment shape."""
+        sheet = self.scenario.sheet
+        arcs = np.linspace(0.0, sheet.length_m, sheet.strips.hinges + 1)
+        _, _, slopes = elastica.shape(float(self.start[2]), sheet.length_m, arcs)
+        self.response.reset(self.home)
+        return self.simulation.reset(
+            self.home, sheet.thickness_m / 2, slopes, self.scenario.cell.sheet_height_m
+        )
+
+    def send(self, q: Vector) -> SensorSample:
+        """Run one command cycle towards the joint set-points (12,) [rad]."""
+        reference = self.response.update(q)
+        return self.simulation.advance(
+            self.servo.setpoint(reference.position, reference.velocity, reference.acceleration)
+        )
+
+
+def make_servo(scenario: Scenario, robots: mujoco.MjModel, home: Vector) -> JointServo:
+    """Return the servo of all joints, with the inertia that each sees at the home pose."""
+    data = mujoco.MjData(robots)
+    data.qpos[:] = home
+    mujoco.mj_forward(robots, data)
+    inertia = np.zeros((robots.nv, robots.nv))
+    mujoco.mj_fullM(robots, data, inertia)
+    return JointServo(
+        stiffness=np.tile(scenario.servo.stiffness_n_m_per_rad, len(SIDES)),
+        inertia=np.diag(inertia).copy(),
+        viscous_friction=robots.dof_damping.copy().ravel(),
+        coulomb_friction=robots.dof_frictionloss.copy().ravel(),
+        damping_ratio=scenario.servo.damping_ratio,
+    )
