@@ -23,6 +23,9 @@ TOLERANCE_RAD = 1e-7
 """Residual at which the iteration stops: what is left must make no joint speed to speak of, since
 the sign of a joint's speed decides the friction that is fed forward."""
 
+_DAMPING = 1e-12
+"""Keeps the QP definite at a singular pose, too small to slow Newton's convergence elsewhere."""
+
 _MAX_ITERATIONS = 20
 _MAX_HOME_ITERATIONS = 200
 
@@ -58,11 +61,12 @@ class InverseKinematics:
             for side in SIDES
         ]
         self._limits = [mink.ConfigurationLimit(model)]
+        self._lower, self._upper = model.jnt_range.T
         self.model = model
 
     def solve(
         self,
-        targets: tuple[mink.SE3, mink.SE3],
+        targets: Targets,
         start: Vector,
         max_iterations: int = _MAX_ITERATIONS,
     ) -> IKSolution:
@@ -79,16 +83,26 @@ class InverseKinematics:
                 iteration == max_iterations
             ):
                 break
-            # The damping only keeps the QP regular: 1e-12 against JᵀJ ~ 1 costs no convergence.
-            velocity = mink.solve_ik(
-                configuration, self._tasks, 1.0, solver="daqp", damping=1e-12, limits=self._limits
-            )
-            configuration.integrate_inplace(velocity, 1.0)
+            configuration.integrate_inplace(self._newton_step(), 1.0)
         return IKSolution(
             q=configuration.q.copy(),
             position_residual_m=position,
             rotation_residual_rad=rotation,
             iterations=iteration,
+        )
+
+    def _newton_step(self) -> Vector:
+        """Minimise the tasks' error within the limits: the QP's free minimum where it is inside."""
+        configuration = self._configuration
+        free = mink.build_ik(configuration, self._tasks, 1.0, damping=_DAMPING, limits=[])
+        step = np.linalg.solve(free.P, -free.q)
+        reached = configuration.q + step
+        if (reached > self._lower).all() and (reached < self._upper).all():
+            return step
+        return np.asarray(
+            mink.solve_ik(
+                configuration, self._tasks, 1.0, "daqp", damping=_DAMPING, limits=self._limits
+            )
         )
 
     def solve_from_home(self, targets: Targets, home: Vector) -> IKSolution:

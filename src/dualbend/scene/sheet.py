@@ -2,12 +2,14 @@
 
 N bending hinges of stiffness ``k = EI/h``, ``h = L/N``, stand at arc lengths ``h/2, 3h/2, ...``;
 the two end strips have length ``h/2``, so that a clamp acts at the true ends and the error is
-O(h²). A twist hinge of stiffness ``GJ/h`` shares each bending hinge's place. The chain hangs from a
-free joint at its middle strip: half as deep as from an end, and cheaper to factorise.
+O(h²). Every second place also has a twist hinge; the T of them have ``T GJ/L`` each, so that the
+chain twists as the sheet does. The chain hangs from a free joint at its middle strip: half as deep
+as from an end. Both choices are for speed: the degrees of freedom are what a step costs.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import msgspec
@@ -19,6 +21,9 @@ from dualbend.beam.sheet import Sheet
 
 CLAMPED_FIRST_ROOT = 4.730040744862704
 """First root of cosh(b) cos(b) = 1: the clamped-clamped beam's first mode."""
+
+_TWIST_EVERY = 2
+"""Bending hinges to a twist hinge, counted from the middle."""
 
 LEFT_END, RIGHT_END = "sheet_left_end", "sheet_right_end"
 """Sites at the clamp lines; x points into the sheet, y along the bending axis of that end's arm."""
@@ -50,6 +55,11 @@ def damping_time(sheet: Sheet, damping_ratio: float) -> float:
         sheet.bending_stiffness_nm2 / mass_per_length
     )
     return float(2.0 * damping_ratio / omega_1)
+
+
+def twist_hinges(config: StripConfig) -> int:
+    """Return the number of twist hinges of the whole chain, both halves alike."""
+    return 2 * math.ceil(config.hinges / 2 / _TWIST_EVERY)
 
 
 def bend_joint(index: int) -> str:
@@ -92,7 +102,8 @@ def _add_half(
     """Chain the strips of one half outward from the middle; returns the end strip."""
     n = config.hinges
     h = sheet.length_m / n
-    bend, twist = sheet.bending_stiffness_nm2 / h, sheet.torsional_stiffness_nm2 / h
+    bend = sheet.bending_stiffness_nm2 / h
+    twist = twist_hinges(config) * sheet.torsional_stiffness_nm2 / sheet.length_m
     beta = damping_time(sheet, config.damping_ratio)
     parent, offset = middle, direction * h / 2
     for i in range(n // 2):
@@ -106,13 +117,14 @@ def _add_half(
             stiffness=bend,
             damping=beta * bend,
         )
-        body.add_joint(
-            name=f"sheet_twist_{hinge:02d}",
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=[float(direction), 0.0, 0.0],
-            stiffness=twist,
-            damping=beta * twist,
-        )
+        if i % _TWIST_EVERY == 0:
+            body.add_joint(
+                name=f"sheet_twist_{hinge:02d}",
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                axis=[float(direction), 0.0, 0.0],
+                stiffness=twist,
+                damping=beta * twist,
+            )
         length = h / 2 if i == n // 2 - 1 else h
         _fill_strip(body, sheet, length, direction * length / 2)
         parent, offset = body, direction * length

@@ -90,7 +90,8 @@ class Simulation:
     def _hold_ids(self, grasp: GraspConfig, strips: StripConfig) -> None:
         model = self.model
         self._grips = [model.site(f"{side}_{arm.GRIP_SITE}").id for side in SIDES]
-        self._edges = [model.site(name).id for name in (LEFT_END, RIGHT_END)]
+        edges = [model.site(name).id for name in (LEFT_END, RIGHT_END)]
+        self._ends = np.array([self._grips, edges])
         self._ft_sites = [model.site(f"{side}_{arm.FT_SITE}").id for side in SIDES]
         self._ft = np.array(
             [
@@ -148,22 +149,23 @@ class Simulation:
             + self._pad_damping * data.qvel[self._pad_dof]
         ).reshape(2, 2, 3)
         wrench = (load @ grip_axes.transpose(0, 2, 1)) * _TO_BENDING[:, np.newaxis]
-        edge = self._planar(self._edges)
+        grip, edge = self._planar()
         return Observation(
             q=data.qpos[self._q],
             speed=data.qvel[self._dof],
             torque=data.qfrc_actuator[self._dof],
-            grip=self._planar(self._grips),
+            grip=grip,
             edge=edge,
             wrench=wrench.reshape(2, 6),
             sag=float(edge[:, 2].mean() - data.xpos[self._middle, 2]),
         )
 
-    def _planar(self, sites: list[int]) -> Vector:
-        pose = np.empty((2, 4))
-        pose[:, :3] = self.data.site_xpos[sites] * _TO_BENDING
-        x_axis = self.data.site_xmat[sites][:, [0, 3, 6]] * _TO_BENDING
-        pose[:, 3] = np.arctan2(-x_axis[:, 2], x_axis[:, 0])
+    def _planar(self) -> Vector:
+        """Return (2, 2, 4): gripper and edge, left and right, x, y, z and end slope."""
+        pose = np.empty((2, 2, 4))
+        pose[..., :3] = self.data.site_xpos[self._ends] * _TO_BENDING
+        axes = self.data.site_xmat[self._ends]
+        pose[..., 3] = np.arctan2(-axes[..., 6], axes[..., 0] * _TO_BENDING[:, 0])
         return pose
 
     def advance(self, setpoints: Vector) -> SensorSample:
