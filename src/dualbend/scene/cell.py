@@ -207,7 +207,7 @@ def _add_surroundings(spec: mujoco.MjSpec, cell: CellConfig) -> None:
     )
     spec.worldbody.add_camera(
         name="front",
-        pos=[0.0, -2.40, cell.sheet_height_m + 0.52],
-        xyaxes=[1.0, 0.0, 0.0, 0.0, 0.26, 0.966],
+        pos=[0.0, -2.20, cell.sheet_height_m + 0.95],
+        xyaxes=[1.0, 0.0, 0.0, 0.0, 0.40, 0.917],
         fovy=42.0,
     )

@@ -152,5 +152,5 @@ def _fill_strip(body: mujoco.MjsBody, sheet: Sheet, length_m: float, centre_x_m:
         contype=0,
         conaffinity=0,
         group=2,
-        rgba=[0.75, 0.78, 0.82, 1.0],
+        rgba=[0.30, 0.52, 0.80, 1.0],
     )
