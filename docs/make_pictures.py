@@ -48,7 +48,11 @@ def main() -> None:
     for axes, alpha in zip(top.subplots(1, 2), (0.05, 0.95), strict=True):
         axes.imshow(picture_of_cell(results["fig8"], alpha, 1400, 860))
         axes.set_axis_off()
-    titles = {"fig6": "no compliance (Fig. 6)", "fig8": "compliance (Fig. 8)", "fig9": "B/20 (Fig. 9)"}
+    titles = {
+        "fig6": "no compliance (Fig. 6)",
+        "fig8": "compliance (Fig. 8)",
+        "fig9": "B/20 (Fig. 9)",
+    }
     for axes, (name, title) in zip(bottom.subplots(1, 3), titles.items(), strict=True):
         trace = results[name].trace
         rows = trace["phase"] == PHASES.index("bend")
