@@ -312,7 +312,7 @@ def test_a_deviation_out_of_reach_stops_the_robots() -> None:
 def test_a_state_that_is_no_number_fails_the_run_and_keeps_its_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)  # MuJoCo writes its log where it runs
+    monkeypatch.chdir(tmp_path)
     prepared = prepare()
 
     def break_it(cycles: int) -> None:
@@ -323,6 +323,7 @@ def test_a_state_that_is_no_number_fails_the_run_and_keeps_its_rows(
     assert result.outcome == "failed"
     assert "BADQVEL" in result.reason
     assert "at 0.140 s" in result.reason  # found at the start of the sixth cycle
+    assert not list(tmp_path.iterdir())  # MuJoCo leaves no log file behind
     trace = result.trace
     assert trace.rows == 5
     np.testing.assert_array_equal(table(trace), table(run().trace)[:, :5])

@@ -46,7 +46,8 @@ class ForceTorqueConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
         float, msgspec.Meta(ge=0, le=1000, description="age of a reading (serial record) [ms]")
     ] = 0.0
     lever_arm_m: Annotated[
-        float, msgspec.Meta(ge=0, description="sensor to grip centre, along the approach axis [m]")
+        float,
+        msgspec.Meta(ge=0, description="sensor to grip centre as the controller believes it [m]"),
     ] = 0.12
 
     def __post_init__(self) -> None:

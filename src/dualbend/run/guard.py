@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated
 
 import msgspec
@@ -78,6 +80,20 @@ class Guard:
             raise ProtectiveStop(
                 f"{JOINT_LABELS[i]} is at its range's end, {np.degrees(q[i]):.1f} degrees"
             )
+
+
+@contextmanager
+def warnings_counted_only() -> Iterator[None]:
+    """Keep MuJoCo from writing its warnings into a log file of the user's folder.
+
+    They are counted in the data, and :func:`refuse_warnings` reads the counters.
+    """
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def refuse_warnings(data: mujoco.MjData) -> None:

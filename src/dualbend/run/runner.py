@@ -22,6 +22,7 @@ from dualbend.run.guard import (
     ProtectiveStop,
     SimulationFailed,
     refuse_warnings,
+    warnings_counted_only,
 )
 from dualbend.run.robot_cell import RobotCell
 from dualbend.run.scenario import Outcome, Scenario
@@ -129,7 +130,8 @@ class BendingRun:
         outcome: Outcome = "completed"
         reason = ""
         try:
-            self._loop(controller, trace, on_cycle)
+            with warnings_counted_only():
+                self._loop(controller, trace, on_cycle)
         except ProtectiveStop as stop:
             outcome, reason = "protective_stop", str(stop)
         except SimulationFailed as failure:
@@ -188,8 +190,7 @@ class BendingRun:
             command = controller.command(readings, x, z, alpha)
             solution = cell.ik.solve(grip_targets(command.pose), 2.0 * q - previous)
             if not solution.reached:
-                miss = 1e3 * solution.position_residual_m
-                raise ProtectiveStop(f"commanded pose out of reach: nearest is {miss:.2f} mm off")
+                raise ProtectiveStop(f"commanded {cell.ik.describe_miss(solution)}")
             previous, q = q, solution.q
             sample = cell.send(q)
             trace.act(readings, command, solution, time.perf_counter() - began)

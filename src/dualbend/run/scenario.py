@@ -133,8 +133,9 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
         total = self.motion.settle_s + law.duration_s + self.motion.hold_s
         if not total <= LONGEST_RUN_S:
             raise ValueError(
-                f"motion.speed_rad_per_s = {self.motion.speed_rad_per_s} makes a run of "
-                f"{total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
+                f"motion.speed_rad_per_s = {self.motion.speed_rad_per_s} with "
+                f"motion.acceleration_rad_per_s2 = {self.motion.acceleration_rad_per_s2} makes a "
+                f"run of {total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
             )
 
     def to_toml(self) -> str:

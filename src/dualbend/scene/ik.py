@@ -109,10 +109,11 @@ class InverseKinematics:
         """Solve far from a known solution; raise InputError where a target is out of reach."""
         solution = self.solve(targets, home, _MAX_HOME_ITERATIONS)
         if not solution.reached:
-            raise InputError(self._unreachable(solution))
+            raise InputError(self.describe_miss(solution))
         return solution
 
-    def _unreachable(self, solution: IKSolution) -> str:
+    def describe_miss(self, solution: IKSolution) -> str:
+        """Say how far from the target the search ended, and which joints were at their limits."""
         lower, upper = self.model.jnt_range.T
         at_limit = [
             f"{side}_{joint}"
