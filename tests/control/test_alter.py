@@ -9,11 +9,8 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from dualbend.control import alter
-from dualbend.control.alter import AlterMode, Vector
+from dualbend.control.alter import AlterMode
 from dualbend.errors import InputError
-
-ANGLE = st.floats(-1.5, 1.5)
-LENGTH = st.floats(-1.0, 1.0)
 
 
 def test_servo_ticks_fill_the_command_period() -> None:
@@ -128,58 +125,3 @@ def test_frozen_tool_frame_is_taken_anew_after_reset() -> None:
     assert path.compose(0.0, 0.0, 1.2, 1.0, 0.0) == pytest.approx(
         (math.cos(0.8), -math.sin(0.8), 1.2), abs=1e-15
     )
-
-
-def about_y(angle: float) -> Vector:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-
-
-@given(
-    mode=st.sampled_from(["world", "tool", "tool-frozen"]),
-    yaw=st.sampled_from([0.0, math.pi]),
-    start=ANGLE,
-    pose=st.tuples(LENGTH, LENGTH, ANGLE),
-    deviation=st.tuples(LENGTH, ANGLE),
-)
-def test_spatial_reduces_to_planar_in_the_bending_plane(
-    mode: AlterMode,
-    yaw: float,
-    start: float,
-    pose: tuple[float, float, float],
-    deviation: tuple[float, float],
-) -> None:
-    base = np.array(
-        [[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
-    )
-    planar, spatial = alter.PlanarPathModification(mode), alter.SpatialPathModification(mode, yaw)
-
-    def lift(x: float, z: float, alpha: float) -> tuple[Vector, Vector]:
-        return base @ [x, 0.0, z], base @ about_y(alpha)
-
-    planar.compose(0.0, 0.0, start, 0.0, 0.0)
-    spatial.compose(*lift(0.0, 0.0, start), 0.0, 0.0)
-    expected = lift(*planar.compose(*pose, *deviation))
-    translation, rotation = spatial.compose(*lift(*pose), *deviation)
-    # Analytic: rounding only.
-    assert np.allclose(translation, expected[0], atol=1e-14)
-    assert np.allclose(rotation, expected[1], atol=1e-14)
-
-
-@pytest.mark.parametrize("mode", ["world", "tool", "tool-frozen"])
-def test_spatial_turn_is_about_the_modes_own_y_axis(mode: AlterMode) -> None:
-    rng = np.random.default_rng(5)
-    first, now = (np.linalg.qr(rng.normal(size=(3, 3)))[0] for _ in range(2))
-    first, now = (r * np.linalg.det(r) for r in (first, now))
-    yaw = 0.4
-    path = alter.SpatialPathModification(mode, yaw)
-    path.compose(np.zeros(3), first, 0.0, 0.0)
-    translation, rotation = path.compose(np.zeros(3), now, 0.01, 0.3)
-    y = {"world": [-math.sin(yaw), math.cos(yaw), 0], "tool": now[:, 1], "tool-frozen": first[:, 1]}
-    x = {"world": [math.cos(yaw), math.sin(yaw), 0], "tool": now[:, 0], "tool-frozen": first[:, 0]}
-    turn = rotation @ now.T
-    # Analytic: the axis of the turn is kept, its angle is δα, the shift is along the mode's x.
-    assert np.allclose(turn @ y[mode], y[mode], atol=1e-14)
-    assert math.isclose(np.trace(turn), 1 + 2 * math.cos(0.3), abs_tol=1e-14)
-    assert np.allclose(translation, 0.01 * np.asarray(x[mode]), atol=1e-16)
-    assert np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-14)

@@ -150,13 +150,11 @@ def test_the_shortest_motions_run_without_a_numerical_warning(setting: str) -> N
         assert prepare(setting).run().outcome == "completed"
 
 
-def test_a_motion_shorter_than_a_cycle_is_refused_or_runs() -> None:
-    try:
-        result = prepare("path.end_rad=1e-12", "motion.speed_rad_per_s=1").run()
-    except InputError as error:
-        assert "end_rad" in str(error)
-    else:
-        assert result.outcome == "completed"
+def test_a_motion_shorter_than_a_cycle_bends_for_one() -> None:
+    result = prepare("path.end_rad=1e-12", "motion.speed_rad_per_s=1").run()
+    assert result.outcome == "completed"
+    assert int((result.trace["phase"] == PHASES.index("bend")).sum()) == 1
+    assert result.trace["nominal_alpha"][-1] == 1e-12
 
 
 # --- symmetric and balanced ---------------------------------------------------------------------

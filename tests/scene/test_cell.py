@@ -284,9 +284,11 @@ def test_a_known_force_on_a_pad_gives_its_stiffness(bent: Cell, side: str, axis:
     for _ in range(600):
         mujoco.mj_step(model, data)
     pad = [data.joint(f"{side}_pad_{k}_{a}").qpos[0] for k in ("slide", "tilt") for a in "xyz"]
-    # Analytic up to how far the arm gives way: grip axes turn by 1e-3 rad.
-    np.testing.assert_allclose(pad[:3], force / GRASP.translational_stiffness_n_per_m, atol=1e-7)
-    np.testing.assert_allclose(pad[3:], torque / GRASP.rotational_stiffness_n_m_per_rad, atol=3e-6)
+    # Analytic up to how far the arm gives way: the grip axes turn by some 1e-3 rad meanwhile.
+    slide = force / GRASP.translational_stiffness_n_per_m
+    tilt = torque / GRASP.rotational_stiffness_n_m_per_rad
+    np.testing.assert_allclose(pad[:3], slide, atol=6e-3 * slide.max())
+    np.testing.assert_allclose(pad[3:], tilt, atol=6e-3 * tilt.max())
     simulation = Simulation(model, GRASP, STRIPS)
     simulation.data.qpos[:] = data.qpos
     seen = simulation.observe()

@@ -23,7 +23,7 @@ OSCILLATION_ABOVE_HZ = 1.0
 """What the moment does faster than this is oscillation: a linear piece of the path lasts longer."""
 
 OSCILLATION_WINDOW_S = 1.0
-_SHORTEST_RECORD = 36
+_SHORTEST_RECORD = round(OSCILLATION_WINDOW_S / COMMAND_PERIOD_S)
 _FEWEST_EXTREMES = 3
 _NOTICEABLE = 0.3
 

@@ -25,8 +25,8 @@ Vector = NDArray[np.float64]
 DIRECTIONS = (("x", 0.01, "N/m"), ("z", 0.01, "N/m"), ("alpha", 0.05, "N m/rad"))
 """Direction of the grip in the bending frame, step commanded [m, rad], unit of its stiffness.
 
-Dry friction holds the last 0.1 mm of a step in z back, so smaller steps look slower: 2.26 Hz and
-0.90 instead of 2.5 Hz and 1 for 2 mm, 2.43 Hz and 0.97 for 10 mm, 2.48 Hz and 0.99 without it.
+Dry friction holds the last 0.1 mm of a step in z back, so smaller steps look slower: 1.98 Hz and
+0.90 instead of 2.2 Hz and 1 for 2 mm, 2.14 Hz and 0.97 for 10 mm.
 """
 
 STEP_SLOPE_RAD = 0.5

@@ -151,7 +151,7 @@ def polynomial_coefficients(alpha_limit: float, degree: int) -> tuple[FloatArray
 
 @dataclass(frozen=True)
 class ApproximatePath:
-    """A polynomial in α² instead of two elliptic integrals: 2 × degree + 4 multiplications.
+    """A polynomial in α² instead of two elliptic integrals: 2 × degree + 5 multiplications.
 
     The coefficients come from polynomial_coefficients on [0, target_rad]. Worst errors of x and
     y over L and the worst moment over EI/L that they make, for a target of 1.2 rad (measured):

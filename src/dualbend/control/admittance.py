@@ -2,7 +2,7 @@
 
 B δ' + K δ = F (paper (7)), sampled once per command period T with the pole a = e^(−kT/b).
 Sign: δ = H F with F the wrench on the arm, so the arm gives way in the direction of the force.
-Gravity is rejected by construction: no vertical force enters.
+No vertical force enters; the moment that the sheet's own weight makes does.
 """
 
 import math

@@ -61,7 +61,8 @@ class ForceTorqueConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     def latency_steps(self, step_s: float) -> int:
         """Return the latency in whole physics steps of `step_s` [s]: the nearest, halves up.
 
-        What is realised differs from `latency_ms` by at most half a step.
+        What is realised differs from `latency_ms` by at most half a step, but the youngest sample
+        that the simulation has is one step old.
         """
         return math.floor(self.latency_ms * 1e-3 / step_s + 0.5)
 

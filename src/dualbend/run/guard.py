@@ -20,7 +20,7 @@ JOINT_LABELS = tuple(f"{side}_{joint}" for side in SIDES for joint in JOINTS)
 
 
 class GuardConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Limits of the robots' own protective stop."""
+    """Limits of the robots' own protective stop; the defaults are assumed."""
 
     following_error_rad: Annotated[
         float, msgspec.Meta(gt=0, description="joint against its reference")

@@ -37,9 +37,6 @@ SHOULDER_HEIGHT_M: Final = 0.672
 READY_RAD: Final = (0.0, math.pi / 2, -math.pi / 2, 0.0, 0.0, 0.0)
 """Pose qr of the Robotics Toolbox: arm straight up [rad]."""
 
-NOMINAL_RAD: Final = (0.0, math.pi / 4, math.pi, 0.0, math.pi / 4, 0.0)
-"""Pose qn of the Robotics Toolbox: dexterous; its joint 3 is outside the published range [rad]."""
-
 WORKING_RAD: Final = (0.0, math.radians(97.0), math.radians(-195.0), 0.0, math.radians(8.0), 0.0)
 """Gripper horizontal along the base's x, grip at (0.5814, -0.15005, 0.3484) m [rad]."""
 

@@ -45,12 +45,13 @@ class CellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 class GraspConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Rubber pads between jaw and sheet, as one linear bushing at the gripper centre.
 
-    Two pads of 60 x 20 x 2 mm, G = 1.2 MPa, confined E = 10 MPa: shear 2 G A / t = 1.4e6 N/m,
-    tilt about the bending axis 2 E w l³ / (12 t) = 400 N m/rad.
+    Two pads of 60 x 20 x 3 mm, G = 1.2 MPa, confined E = 10 MPa (assumed): shear 2 G A / t =
+    0.96e6 N/m, tilt about the bending axis 2 E w l³ / (12 t) = 267 N m/rad. One stiffness serves
+    all three directions; across the sheet the pads would be some eight times stiffer.
     """
 
-    translational_stiffness_n_per_m: Positive = 1.4e6
-    rotational_stiffness_n_m_per_rad: Positive = 400.0
+    translational_stiffness_n_per_m: Positive = 0.96e6
+    rotational_stiffness_n_m_per_rad: Positive = 267.0
     loss_time_s: Annotated[
         float, msgspec.Meta(ge=0, le=0.1, description="damping over stiffness; rubber")
     ] = 1.6e-3

@@ -114,11 +114,10 @@ class InverseKinematics:
 
     def describe_miss(self, solution: IKSolution) -> str:
         """Say how far from the target the search ended, and which joints were at their limits."""
-        lower, upper = self.model.jnt_range.T
         at_limit = [
             f"{side}_{joint}"
             for i, (side, joint) in enumerate((s, j) for s in SIDES for j in JOINTS)
-            if min(solution.q[i] - lower[i], upper[i] - solution.q[i]) < 1e-3
+            if min(solution.q[i] - self._lower[i], self._upper[i] - solution.q[i]) < 1e-3
         ]
         where = f", at the limit of {', '.join(at_limit)}" if at_limit else ""
         return (

@@ -1,10 +1,11 @@
 """The flexible sheet as a composite of rigid strips in one kinematic chain.
 
-N bending hinges of stiffness ``k = EI/h``, ``h = L/N``, stand at arc lengths ``h/2, 3h/2, ...``;
-the two end strips have length ``h/2``, so that a clamp acts at the true ends and the error is
-O(h²). Every second place also has a twist hinge; the T of them have ``T GJ/L`` each, so that the
-chain twists as the sheet does. The chain hangs from a free joint at its middle strip: half as deep
-as from an end. Both choices are for speed: the degrees of freedom are what a step costs.
+N bending hinges of stiffness ``k = EI/h``, ``h = L/N``, stand at arc lengths ``(i + 1/2) h``, i
+from 0 to N - 1. The outermost strips are thereby half as long as the others and each clamp holds
+the sheet where it really ends: the error is O(h²). Every second place also has a twist hinge; the
+T of them have ``T GJ/L`` each, so that the chain twists as the sheet does. The chain hangs from a
+free joint at its middle strip: half as deep as from an end. Both choices are for speed: the degrees
+of freedom are what a step costs.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class PathConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     )
 
     def __post_init__(self) -> None:
-        """Refuse angles past the gripper's meeting and a piece-wise path without its pieces."""
+        """Refuse angles at which the grippers meet and a piece-wise path without its pieces."""
         if not self.start_rad < self.end_rad < END_SLOPE_GRIPPERS_MEET:
             raise ValueError(
                 f"end_rad must lie between start_rad = {self.start_rad} and "
