@@ -167,3 +167,59 @@ def test_help_needs_no_physics() -> None:
     assert (
         subprocess.run([sys.executable, "-c", code], env=environment, check=False).returncode == 0
     )
+
+
+def test_a_piece_shorter_than_a_cycle_has_no_peak(tmp_path: Path) -> None:
+    result = call(
+        "run", "fig6", *SHORT, "--set", "path.interval_rad=0.005", "--no-record",
+        "--out", str(tmp_path),
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    found = json.loads((tmp_path / "summary.json").read_text())["metrics"]
+    pieces = found["peak_moment_by_piece"]["value"]
+    assert None in pieces
+    assert max(p for p in pieces if p is not None) == found["peak_moment"]["value"]
+
+
+def test_what_cannot_be_written_is_said_and_the_rest_is_kept(tmp_path: Path) -> None:
+    (tmp_path / "summary.json").mkdir()
+    result = call("run", "fig6", *SHORT, "--no-record", "--out", str(tmp_path))
+    assert result.exit_code == 2
+    assert "summary.json: Is a directory" in result.output
+    for name in ("scenario.toml", "trace.parquet", "moment.png"):
+        assert (tmp_path / name).is_file()
+
+
+def test_pieces_replace_an_inherited_interval(tmp_path: Path) -> None:
+    assert load_scenario("fig8", ["path.pieces=3"]).path.interval_rad is None
+    child = tmp_path / "child.toml"
+    child.write_text('extends = "fig6"\nname = "child"\n[path]\npieces = 4\n')
+    assert load_scenario(str(child)).path.pieces == 4
+
+
+def test_an_error_names_the_file_that_holds_the_key(tmp_path: Path) -> None:
+    (tmp_path / "base.toml").write_text(
+        'extends = "fig6"\nname = "base"\n[sheet]\nlenght_m = 0.4\n'
+    )
+    (tmp_path / "child.toml").write_text('extends = "base.toml"\nname = "child"\n')
+    result = call("run", str(tmp_path / "child.toml"))
+    assert result.exit_code == 2
+    assert "base.toml: sheet.lenght_m" in result.output
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_an_interrupt_is_one_line_and_no_traceback(
+    monkeypatch: pytest.MonkeyPatch, hidden: bool
+) -> None:
+    def interrupted(*_: object) -> None:
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            if hidden:  # as a compiled library does
+                raise TypeError("Invoked with: ...") from error
+            raise
+
+    monkeypatch.setattr("dualbend.run.runner.BendingRun", interrupted)
+    result = call("run", "fig6")
+    assert result.exit_code == 130
+    assert "interrupted" in result.output

@@ -1,7 +1,8 @@
 """The command line: parses, calls, prints, exits with a code.
 
 0 completed, or ended as the scenario expects; 1 a validation row fails; 2 bad input; 3 a protective
-stop or failed run that the scenario does not expect. Heavy imports happen inside the commands.
+stop or failed run that the scenario does not expect; 130 interrupted before there was a result.
+Heavy imports happen inside the commands.
 """
 
 from __future__ import annotations
@@ -9,18 +10,21 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from dualbend.errors import DualbendError
 
 if TYPE_CHECKING:
+    from dualbend.analysis.stability import Prediction
     from dualbend.analysis.validation import Row
     from dualbend.run.runner import RunResult
 
-EXIT_FAILED_CHECK, EXIT_BAD_INPUT, EXIT_UNEXPECTED = 1, 2, 3
+EXIT_FAILED_CHECK, EXIT_BAD_INPUT, EXIT_UNEXPECTED, EXIT_INTERRUPTED = 1, 2, 3, 130
 
 _SETTINGS = click.option(
     "--set",
@@ -40,6 +44,20 @@ class _Commands(click.Group):
         except DualbendError as error:
             click.echo(f"dualbend: {error}", err=True)
             sys.exit(EXIT_BAD_INPUT)
+        except (KeyboardInterrupt, Exception) as error:
+            if not _interrupted(error):
+                raise
+            click.echo("dualbend: interrupted before there was anything to keep", err=True)
+            sys.exit(EXIT_INTERRUPTED)
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Tell an interrupt, also one that a compiled library turned into an error of its own."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -63,7 +81,7 @@ def run(
 
     Example: dualbend run fig8 --out runs/fig8 --set alter.delay_cycles=3
     """
-    from dualbend.run.output import prepare_folder
+    from dualbend.run.output import prepare_folder, uninterrupted
     from dualbend.run.runner import BendingRun
     from dualbend.run.scenario import load_scenario
 
@@ -78,40 +96,51 @@ def run(
         hidden=not sys.stderr.isatty(),
     ) as bar:
         result = ready.run(on_cycle=lambda _: bar.update(1))
-    _write(result, folder, record)
+    with uninterrupted():
+        failures = _write(result, folder, record)
+    for failure in failures:
+        click.echo(f"dualbend: {failure}", err=True)
+    if failures:
+        sys.exit(EXIT_BAD_INPUT)
     if not result.expected:
         sys.exit(EXIT_UNEXPECTED)
 
 
-def _write(result: RunResult, folder: Path, record: bool) -> None:
-    """Write everything that a run leaves, the irreplaceable first, and print what matters."""
+def _write(result: RunResult, folder: Path, record: bool) -> list[str]:
+    """Write everything that a run leaves and print what matters; return what could not be."""
     from dualbend.analysis.figures import plot_moment
     from dualbend.analysis.metrics import summary
     from dualbend.run import output
 
-    output.write_scenario(result, folder)
-    output.write_trace(result, folder)
     numbers = summary(result)
-    output.write_summary(numbers, folder)
-    plot_moment(result, folder / "moment.png")
+    writers: dict[str, Callable[[Path], None]] = {
+        "scenario.toml": partial(output.write_scenario, result),
+        "trace.parquet": partial(output.write_trace, result),
+        "summary.json": partial(output.write_summary, numbers),
+        "moment.png": partial(plot_moment, result),
+    }
     if record:
         from dualbend.run.recording import write_recording
 
-        write_recording(result, folder / "run.rrd")
-    click.echo(
-        f"{result.scenario.name}: {result.outcome}" + f" ({result.reason})" * bool(result.reason)
-    )
+        writers["run.rrd"] = partial(write_recording, result)
+    failures = []
+    for name, write in writers.items():
+        try:
+            write(folder / name)
+        except OSError as error:
+            failures.append(f"--out {folder}: {name}: {error.strerror or error}")
+    ended = f" ({result.reason})" if result.reason else ""
+    click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
     for name, metric in numbers["metrics"].items():
         click.echo(f"  {name:<26}{_shown(metric['value']):>12}  {metric['unit']}")
     click.echo(f"results in {folder}")
+    return failures
 
 
-def _shown(value: float | list[float] | None) -> str:
-    if value is None:
-        return "-"
+def _shown(value: float | list[float | None] | None) -> str:
     if isinstance(value, list):
-        return " ".join(f"{item:.4g}" for item in value)
-    return f"{value:.4g}"
+        return " ".join(_shown(item) for item in value)
+    return "-" if value is None else f"{value:.4g}"
 
 
 @main.command()
@@ -256,3 +285,79 @@ def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
         click.echo(
             f"{name:<24}{value:>10.4g}" if isinstance(value, float) else f"{name:<24}{value:>10}"
         )
+
+
+@main.command()
+@click.argument("scenario")
+@click.option(
+    "--axis",
+    type=click.Choice(["x", "rotation", "coupled"]),
+    default="coupled",
+    help="Axes that take part.",
+)
+@click.option(
+    "--map", "map_file", type=click.Path(path_type=Path), help="PNG of the stable region in (b, k)."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@_SETTINGS
+def stability(
+    scenario: str,
+    axis: Literal["x", "rotation", "coupled"],
+    map_file: Path | None,
+    as_json: bool,
+    settings: tuple[str, ...],
+) -> None:
+    """Predict the stability of the compliance.
+
+    Margins along the path, before any run.
+
+    Example: dualbend stability fig9 --map fig9.png
+    """
+    from dualbend.analysis.stability import predict
+    from dualbend.run.scenario import load_scenario
+
+    loaded = load_scenario(scenario, settings)
+    prediction = predict(loaded, axis)
+    if map_file is not None and prediction.rows:
+        from dualbend.analysis.figures import plot_stability_map
+        from dualbend.analysis.stability_map import stability_map
+
+        plot_stability_map(stability_map(loaded, prediction), loaded.name, map_file)
+    if as_json:
+        import msgspec
+
+        click.echo(msgspec.json.format(msgspec.json.encode(prediction), indent=2).decode())
+        return
+    _show_prediction(prediction)
+
+
+def _show_prediction(prediction: Prediction) -> None:
+    """Print a line for each bending angle, then the verdict."""
+    if not prediction.rows:
+        click.echo(f"{prediction.scenario}: {prediction.reason}")
+        return
+    click.echo(
+        " rad   N/mm  N m/rad  verdict    gain  phase   delay     Hz  damping  growth  "
+        "(23)  delayed\n"
+        "                              margin    deg      ms                     1/s"
+    )
+    for row in prediction.rows:
+        click.echo(
+            f"{row.alpha_rad:4.2f}{row.stiffness_x_n_per_m / 1e3:7.3f}"
+            f"{row.stiffness_rotation_nm_per_rad:9.3f}  {_word(row.stable):<8}"
+            f"{row.gain_margin:7.2f}{row.phase_margin_deg:7.0f}{1e3 * row.delay_margin_s:8.0f}"
+            f"{row.frequency_hz:7.2f}{row.damping_ratio:9.2f}{row.growth_per_s:8.2f}  "
+            f"{_word(row.paper_stable):<8}  {_word(row.delayed_stable)}"
+        )
+    missed = [f"{row.alpha_rad:.2f}" for row in prediction.rows if not row.at_rest]
+    if missed:
+        click.echo(f"no state of rest found, judged at the path's poses: {', '.join(missed)} rad")
+    softened = max(row.softening_x for row in prediction.rows)
+    click.echo(f"arms and grasps lower the stiffness along x by up to {100 * softened:.1f} %")
+    for low, high in prediction.unstable_rad:
+        click.echo(f"predicted unstable from {low:.2f} to {high:.2f} rad")
+    click.echo(f"{prediction.scenario}: {prediction.verdict} ({prediction.reason})")
+
+
+def _word(stable: bool) -> str:
+    return "stable" if stable else "UNSTABLE"

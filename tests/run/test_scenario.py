@@ -238,7 +238,7 @@ WRONG_SETTINGS = [
     ("arms.sensing=[]", "arms.sensing", "[]", "1"),
     ("expect.outcome=[]", "expect.outcome", "[]", "1"),
     # combinations
-    ("path.pieces=5", "pieces", "", "interval_rad"),
+    ("path.pieces=0", "path.pieces", "0", "1"),
     ("compliance.rotation.b=1", "compliance.rotation", "", "k"),
     # names that are no file's name
     ("name=a/b", "name", "a/b", ""),

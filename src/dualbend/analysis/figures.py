@@ -1,7 +1,8 @@
-"""The picture of a run: moment over bending angle, as in the paper's Figs. 6, 8 and 9."""
+"""The pictures: moment over bending angle, as in the paper's Figs. 6, 8, 9; stability maps."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib as mpl
@@ -12,6 +13,8 @@ mpl.use("Agg")
 from matplotlib.figure import Figure
 
 from dualbend.analysis.metrics import bending_rows, first_sensing_side
+from dualbend.analysis.stability_map import Panel
+from dualbend.errors import InputError
 from dualbend.run.runner import RunResult
 from dualbend.task.bending import make_path
 
@@ -51,3 +54,37 @@ def plot_moment(result: RunResult, path: Path) -> None:
     axes.legend(loc="upper right", frameon=False)
     axes.margins(x=0.01)
     figure.savefig(path, dpi=120)
+
+
+def plot_stability_map(panels: Sequence[Panel], title: str, path: Path) -> None:
+    """Write the boundaries in (b, k) at a few bending angles, with the scenario's gains, as PNG.
+
+    Solid: the sampled loop, stable on the side away from the shading of its worst angle; dashed:
+    the paper's (23). Raises InputError where the file cannot be written.
+    """
+    figure = Figure(figsize=(6.4 * len(panels), 5.2), layout="constrained")
+    axes_of = figure.subplots(1, len(panels), squeeze=False)[0]
+    for axes, panel in zip(axes_of, panels, strict=True):
+        worst = np.minimum.reduce(list(panel.sampled.values()))
+        axes.contourf(panel.b, panel.k, worst.T, levels=[0.0, 1.0], colors=["0.9"])
+        for i, (alpha, stiffness) in enumerate(panel.stiffness.items()):
+            colour = mpl.colormaps["viridis"](i / len(panel.stiffness))
+            for field, style in (
+                (panel.sampled[alpha], "solid"),
+                (panel.paper / max(stiffness, 1e-12), "dashed"),
+            ):
+                ratio = np.log(np.clip(field, 1e-12, 1e12)).T
+                axes.contour(panel.b, panel.k, ratio, [0.0], colors=[colour], linestyles=style)
+            axes.plot([], [], color=colour, label=f"{alpha:.2f} rad, k_e = {stiffness:.3g}")
+        axes.plot([], [], color="0.3", label="sampled loop")
+        axes.plot([], [], color="0.3", linestyle="dashed", label="paper (23)")
+        axes.plot(*panel.gains, "r*", markersize=12, label="this scenario")
+        axes.set(xscale="log", yscale="log", title=f"{panel.axis} alone; shaded: unstable")
+        axes.set_xlabel(f"damping b [{panel.units[0]}]")
+        axes.set_ylabel(f"stiffness k [{panel.units[1]}]")
+        axes.legend(fontsize="small", loc="upper left")
+    figure.suptitle(title)
+    try:
+        figure.savefig(path, dpi=120)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--map {path}: cannot be written: {error}") from error

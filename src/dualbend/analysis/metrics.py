@@ -31,7 +31,7 @@ _NOTICEABLE = 0.3
 class Metric(msgspec.Struct, frozen=True):
     """A value, or one a piece, and its unit; null where the run was too short to tell."""
 
-    value: float | list[float] | None
+    value: float | list[float | None] | None
     unit: str
 
 
@@ -66,7 +66,7 @@ def compute_metrics(result: RunResult) -> dict[str, Metric]:
     return {
         "peak_moment": Metric(_peak(moment), "N m"),
         "rms_moment": Metric(_finite(np.sqrt(np.mean(moment**2))) if moment.size else None, "N m"),
-        "peak_moment_by_piece": Metric(peak_by_piece(result), "N m"),
+        "peak_moment_by_piece": Metric([_finite(p) for p in peak_by_piece(result)], "N m"),
         "peak_force": Metric(_peak(force), "N"),
         "oscillation": Metric(oscillation, "N m"),
         "oscillation_frequency": Metric(frequency, "Hz"),
@@ -84,14 +84,19 @@ def compute_metrics(result: RunResult) -> dict[str, Metric]:
 
 
 def peak_by_piece(result: RunResult) -> list[float]:
-    """Return the largest |moment| while the nominal angle is in each piece of the path [N m]."""
+    """Return the largest |moment| while the nominal angle is in each piece of the path [N m].
+
+    The arms lag behind the nominal angle by 2ξ/ω_n, so pieces that last no longer than that hold
+    the end of the moment of the one before. NaN for a piece that is shorter than a cycle.
+    """
     scenario, rows = result.scenario, bending_rows(result)
     knots = make_path(scenario.path, scenario.sheet.length_m).knots
     alpha = result.trace["nominal_alpha"][rows]
     moment = np.abs(sensing_column(result, "true_moment_y")[rows])
     piece = np.clip(np.searchsorted(knots, alpha, side="right") - 1, 0, len(knots) - 2)
     reached = range(int(piece.max()) + 1) if piece.size else ()
-    return [float(moment[piece == k].max()) for k in reached]
+    parts = (moment[piece == k] for k in reached)
+    return [float(part.max()) if part.size else math.nan for part in parts]
 
 
 def surface_strain(result: RunResult) -> Vector:

@@ -34,7 +34,10 @@ def bent_sheet(
         poisson_ratio=0.3,  # does not enter: beam bending has no cross contraction
         density_kg_per_m3=1.0,  # does not enter: the weight is given
     )
-    EI = sheet.bending_stiffness_nm2
+    try:
+        EI = sheet.bending_stiffness_nm2
+    except OverflowError as error:
+        raise InputError("length, width, thickness or young is too large; all are SI") from error
     zero_moment = elastica.half_distance(alpha_rad, length_m)
     if half_distance_m is None and weight_n_per_m == 0.0:
         return {

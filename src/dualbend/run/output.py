@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import signal
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import mujoco
@@ -17,19 +22,31 @@ def prepare_folder(folder: Path) -> None:
     """Make the folder, before anything is computed; InputError where that cannot be."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".dualbend"
-        probe.touch()
-        probe.unlink()
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         raise InputError(f"--out {folder}: cannot be written to: {error.strerror}") from error
 
 
-def write_scenario(result: RunResult, folder: Path) -> None:
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let an interrupt wait: what took a run to compute is written within a second or so."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def write_scenario(result: RunResult, path: Path) -> None:
     """Write ``scenario.toml``, resolved: it makes the same run again."""
-    (folder / "scenario.toml").write_text(result.scenario.to_toml(), encoding="utf-8")
+    path.write_text(result.scenario.to_toml(), encoding="utf-8")
 
 
-def write_trace(result: RunResult, folder: Path) -> None:
+def write_trace(result: RunResult, path: Path) -> None:
     """Write ``trace.parquet``, one row a cycle, units in the columns' metadata."""
     metadata = {
         "scenario": result.scenario.name,
@@ -37,13 +54,13 @@ def write_trace(result: RunResult, folder: Path) -> None:
         "outcome": result.outcome,
         "model_sha256": model_hash(result.model),
     }
-    result.trace.write(folder / "trace.parquet", metadata)
+    result.trace.write(path, metadata)
 
 
-def write_summary(summary: dict[str, object], folder: Path) -> None:
+def write_summary(summary: dict[str, object], path: Path) -> None:
     """Write ``summary.json``."""
     text = json.dumps(summary, indent=2, allow_nan=False)
-    (folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+    path.write_text(text + "\n", encoding="utf-8")
 
 
 def model_hash(model: mujoco.MjModel) -> str:

@@ -32,6 +32,9 @@ from dualbend.scene.cell import CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
 from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
 
+_ALTERNATIVES = ("interval_rad", "pieces")
+"""Keys of a path that say the same thing: giving one takes the other back."""
+
 Outcome = Literal["completed", "protective_stop", "failed"]
 
 LONGEST_RUN_S = 3600.0
@@ -192,13 +195,19 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:  # also thousands of digits or brackets
         raise InputError(f"{path.name}: no valid TOML: {error}") from error
     base = data.pop("extends", None)
+    # Here, so that the message names the file which holds the key.
+    _refuse_absurd(data, path.name, ())
+    _refuse_unknown(data, Scenario, path.name, ())
     if base is None:
         return data
     if not isinstance(base, str):
         raise InputError(f"{path.name}: extends = {base!r}: needs a scenario's name or file")
     if "\0" in base:
         raise InputError(f"{path.name}: extends = {base!r}: no file's name")
-    base_path = path.parent / base if base.endswith(".toml") else _find(base)
+    try:
+        base_path = path.parent / base if base.endswith(".toml") else _find(base)
+    except InputError as error:
+        raise InputError(f"{path.name}: extends = {base!r}: {error}") from error
     if base_path.resolve() in seen or base_path.resolve() == path.resolve():
         raise InputError(
             f"{path.name}: extends = {base!r}: the files extend each other in a circle"
@@ -223,6 +232,9 @@ def _merge(
             merged[key] = _merge(merged[key], value, fields[key].type if key in fields else None)
         else:
             merged[key] = value
+    for given, other in (_ALTERNATIVES, _ALTERNATIVES[::-1]):
+        if given in fields and given in over and other not in over:
+            merged.pop(other, None)
     return merged
 
 

@@ -1,0 +1,120 @@
+"""Where the compliance itself takes the grips: the state about which the loop may oscillate.
+
+The filter gives way to the whole wrench, not only to its error. A soft loop therefore holds the
+sheet flatter than the path says, and the flatter sheet is the stiffer one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.beam import rod
+from dualbend.beam.sheet import Sheet
+from dualbend.beam.state import RodState
+from dualbend.errors import InputError
+
+Vector = NDArray[np.float64]
+
+_LARGEST_STEP_M = 2e-3
+_ITERATIONS, _HALVINGS = 60, 8
+_FOUND = 1e-9
+
+
+def sheet_tangent(state: RodState) -> Vector:
+    """Return the sheet's stiffness (6, 6) in the grips' coordinates: K = (EI/L) Tᵀ H T.
+
+    The coordinates are x, z, α of the left and then of the right grip, each in its own bending
+    frame. H is the second derivative of the energy over EI/L in θ(0), θ(L), shortening and climb.
+    Raises InputError for a state that was not found.
+    """
+    if not state.converged:
+        raise InputError(f"the sheet's state was not found: {state.reason}")
+    second = state.problem.stiffness(state.problem.fields(state.unknowns))
+    EI, L = state.scale.EI, state.scale.L
+    clamps = np.zeros((4, 6))
+    clamps[0, 2], clamps[1, 5] = 1.0, -1.0
+    # Both x_B point inward: the grips come together by their sum. z is up in both frames.
+    clamps[2, [0, 3]] = 1.0 / L
+    clamps[3, [1, 4]] = -1.0 / L, 1.0 / L
+    return np.asarray(EI / L * clamps.T @ second @ clamps)
+
+
+def sheet_wrench(state: RodState) -> Vector:
+    """Return force x, z [N] and moment y [N m] on both arms (6,), in their bending frames."""
+    left, right = state.left, state.right
+    return np.array([*left, -right.force_x_n, right.force_z_n, right.moment_nm])
+
+
+def solve_grips(sheet: Sheet, grips: Vector, guess: RodState | None = None) -> RodState:
+    """Return the sheet with its weight between grips (6,) in their bending frames."""
+    x, z, alpha, x_right, z_right, alpha_right = grips.tolist()
+    return rod.solve_planar(
+        sheet.bending_stiffness_nm2,
+        sheet.length_m,
+        (x, z, alpha),
+        (-x_right, z_right, alpha_right),
+        sheet.weight_per_length_n_per_m,
+        guess,
+        sheet.axial_stiffness_n,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equilibrium:
+    """Where the grips come to rest (6,), the sheet there, and whether it was found."""
+
+    grips: Vector
+    state: RodState
+    settled: bool
+
+
+def rest(
+    sheet: Sheet, nominal: Vector, compliance: Vector, guesses: Sequence[RodState] = ()
+) -> Equilibrium:
+    """Solve q = q_nominal + C F(q) by Newton's method, (1 + C K) Δq = q_nominal + C F − q.
+
+    Parameters
+    ----------
+    sheet
+        With its weight and its stretch.
+    nominal : (6,)
+        Commanded grips in their bending frames [m, m, rad].
+    compliance : (6, 6)
+        What arms, grasps and admittance give way per wrench on the arms.
+    guesses
+        A state nearby.
+
+    Returns
+    -------
+    Equilibrium
+        The nominal grips with ``settled`` False where no equilibrium was found.
+    """
+    start = solve_grips(sheet, nominal, guesses[0] if guesses else None)
+    grips, state = nominal, start
+    if not state.converged:
+        return Equilibrium(grips=nominal, state=start, settled=False)
+    error = _gap(nominal, compliance, grips, state)
+    for _ in range(_ITERATIONS):
+        if np.abs(error).max() < _FOUND:
+            return Equilibrium(grips=grips, state=state, settled=True)
+        step = np.linalg.solve(np.eye(6) + compliance @ sheet_tangent(state), error)
+        # In a taut sheet the force turns up within micrometres: short steps find the way there.
+        step *= min(1.0, _LARGEST_STEP_M / np.abs(step[[0, 1, 3, 4]]).max(initial=1e-12))
+        for _ in range(_HALVINGS):
+            there = solve_grips(sheet, grips + step, state)
+            found = _gap(nominal, compliance, grips + step, there) if there.converged else None
+            if found is not None and np.abs(found).max() < np.abs(error).max():
+                grips, state, error = grips + step, there, found
+                break
+            step = step / 2.0
+        else:
+            break
+    return Equilibrium(grips=nominal, state=start, settled=False)
+
+
+def _gap(nominal: Vector, compliance: Vector, grips: Vector, state: RodState) -> Vector:
+    return np.asarray(nominal + compliance @ sheet_wrench(state) - grips)
