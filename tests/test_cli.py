@@ -223,3 +223,21 @@ def test_an_interrupt_is_one_line_and_no_traceback(
     result = call("run", "fig6")
     assert result.exit_code == 130
     assert "interrupted" in result.output
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("fig6", ""),
+        ("fig8", "fig8: compliance predicted stable"),
+        ("fig9", "warning: fig9: compliance predicted unstable"),
+    ],
+)
+def test_a_run_tells_what_is_predicted_before_it_starts(
+    name: str, words: str, tmp_path: Path
+) -> None:
+    settings = [*SHORT, "--set", 'expect.outcome=["completed","protective_stop","failed"]']
+    result = call("run", name, *settings, "--no-record", "--out", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    assert result.stderr.startswith(words)
+    assert ("predicted" in result.stderr) == bool(words)

@@ -81,6 +81,7 @@ def run(
 
     Example: dualbend run fig8 --out runs/fig8 --set alter.delay_cycles=3
     """
+    from dualbend.analysis.stability import predict
     from dualbend.run.output import prepare_folder, uninterrupted
     from dualbend.run.runner import BendingRun
     from dualbend.run.scenario import load_scenario
@@ -89,6 +90,14 @@ def run(
     folder = out if out is not None else Path("runs") / loaded.name
     prepare_folder(folder)
     ready = BendingRun(loaded)
+    prediction = predict(loaded)
+    if prediction.rows:
+        warning = "" if prediction.verdict == "stable" else "warning: "
+        click.echo(
+            f"{warning}{loaded.name}: compliance predicted {prediction.verdict} "
+            f"({prediction.reason})",
+            err=True,
+        )
     with click.progressbar(
         length=ready.motion.cycles,
         label=loaded.name,

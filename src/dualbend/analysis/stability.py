@@ -148,7 +148,8 @@ def judge(elements: LoopElements, sweep: Sweep, at: Environment, axis: AxisName)
         delayed_loop(elements, name, k, max(mode.frequency_hz, 0.1)).margins().gain
         for name, k in each.items()
     ]
-    softening = 1.0 - stiffness / rigid
+    # An axis that feels nothing of the sheet has nothing to be softened.
+    softening = 1.0 - np.divide(stiffness, rigid, out=np.ones_like(rigid), where=rigid != 0.0)
     return Row(
         alpha_rad=at.alpha_rad,
         moving=way,
