@@ -123,9 +123,7 @@ def _actuator(elements: LoopElements) -> Blocks:
     c = np.vstack([c, [-(omega**2), -damping, omega**2]])
     d = np.zeros((2, 1))
     if cycles and row >= 0:
-        # So many steps into the cycle, by the matrix that `update` itself uses.
-        within = response._matrix[[row, 2 * response.steps + row]]
-        c, d = within[:, :3], within[:, 3:]
+        c, d = response.outputs_at(row)
     robot = realised(elements.delay.transfer_function()).then(Blocks(a=a, b=b, c=c, d=d))
     return robot.then(parallel([realised(TransportDelay(cycles, 1).transfer_function())] * 2))
 

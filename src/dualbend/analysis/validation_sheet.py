@@ -20,6 +20,7 @@ from dualbend.beam import elastica, rod
 from dualbend.beam.path import BendingPath, ExactPath, PiecewiseLinearPath
 from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
 from dualbend.run.scenario import load_scenario
+from dualbend.scene.ik import grip_targets
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, add_sheet, bend_joint
 
 Vector = NDArray[np.float64]
@@ -81,9 +82,9 @@ def ideal_grips(
 
 def place_grips(data: mujoco.MjData, alpha: float, half_distance: float) -> None:
     """Impose an end slope [rad] and a half distance [m] on both grips."""
-    c, s = np.cos(alpha / 2.0), np.sin(alpha / 2.0)
-    data.mocap_pos[:] = [[-half_distance, 0.0, 0.0], [half_distance, 0.0, 0.0]]
-    data.mocap_quat[:] = [[c, 0.0, s, 0.0], [0.0, -s, 0.0, c]]
+    pose = np.array([[-half_distance, 0.0, alpha]] * 2)
+    for i, target in enumerate(grip_targets(pose)):
+        data.mocap_quat[i], data.mocap_pos[i] = np.split(target.wxyz_xyz, [4])
 
 
 def _start(

@@ -126,6 +126,15 @@ class CommandResponse:
         b = np.vstack([end[:, 3:], np.ones(1)])
         return a, b, np.array([[1.0, 0.0, 0.0]]), np.zeros((1, 1))
 
+    def outputs_at(self, step: int) -> tuple[Vector, Vector]:
+        """Tell position and acceleration at the end of a physics step (0, 1, ...) of the cycle.
+
+        They are C x + D u_next with the state x of `state_space`: C (2, 3), D (2, 1), rows of the
+        matrix that `update` multiplies with.
+        """
+        rows = self._matrix[[step, 2 * self.steps + step]]
+        return rows[:, :3], rows[:, 3:]
+
     def transfer_function(self) -> TransferFunction:
         """Tell set-point to position at the start of the cycle, in powers of z⁻¹."""
         numerator, denominator = signal.ss2tf(*self.state_space())

@@ -129,12 +129,13 @@ class Sensor:
 
     def read(self, force: Vector, torque: Vector) -> SensorReading:
         """Return the reading of a true force (3,) [N] and torque (3,) [N m], both in S."""
-        wrench, saturated = self._measure(force, torque)
+        wrench, saturated = self.measure(force, torque)
         return SensorReading(
             force_sensor_n=wrench[:3], torque_sensor_nm=wrench[3:], saturated=saturated
         )
 
-    def _measure(self, force: Vector, torque: Vector) -> tuple[Vector, bool]:
+    def measure(self, force: Vector, torque: Vector) -> tuple[Vector, bool]:
+        """Return the reading (6,) [N, N m] of a true wrench in S, and whether it was clipped."""
         wrench = np.concatenate((force, torque))
         wrench += self._bias
         if self._noisy:
@@ -247,7 +248,7 @@ class WrenchChain:
 
     def update(self, force: Vector, torque: Vector, rotation_world_sensor: Vector) -> WrenchSample:
         """Process the true force (3,) [N] and torque (3,) [N m] in S, with R_WS (3, 3)."""
-        raw, saturated = self.sensor._measure(force, torque)
+        raw, saturated = self.sensor.measure(force, torque)
         grip = self._to_grip @ (raw - self.tool.wrench(rotation_world_sensor))
         if not self._primed:
             self.low_pass.reset(grip)
