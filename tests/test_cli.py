@@ -219,7 +219,7 @@ def test_an_interrupt_is_one_line_and_no_traceback(
                 raise TypeError("Invoked with: ...") from error
             raise
 
-    monkeypatch.setattr("dualbend.run.runner.BendingRun", interrupted)
+    monkeypatch.setattr("dualbend.run.make.make_run", interrupted)
     result = call("run", "fig6")
     assert result.exit_code == 130
     assert "interrupted" in result.output

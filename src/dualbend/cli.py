@@ -82,14 +82,14 @@ def run(
     Example: dualbend run fig8 --out runs/fig8 --set alter.delay_cycles=3
     """
     from dualbend.analysis.stability import predict
+    from dualbend.run.make import make_run
     from dualbend.run.output import prepare_folder, uninterrupted
-    from dualbend.run.runner import BendingRun
     from dualbend.run.scenario import load_scenario
 
     loaded = load_scenario(scenario, settings, seed)
     folder = out if out is not None else Path("runs") / loaded.name
     prepare_folder(folder)
-    ready = BendingRun(loaded)
+    ready = make_run(loaded)
     prediction = predict(loaded)
     if prediction.rows:
         warning = "" if prediction.verdict == "stable" else "warning: "
@@ -99,7 +99,7 @@ def run(
             err=True,
         )
     with click.progressbar(
-        length=ready.motion.cycles,
+        length=ready.cycles,
         label=loaded.name,
         file=sys.stderr,
         hidden=not sys.stderr.isatty(),
@@ -239,10 +239,10 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
     Example: dualbend scene fig8 --out fig8.xml
     """
     from dualbend.errors import InputError
-    from dualbend.run.runner import BendingRun
+    from dualbend.run.make import make_run
     from dualbend.run.scenario import load_scenario
 
-    xml = BendingRun(load_scenario(scenario, settings)).scene_xml()
+    xml = make_run(load_scenario(scenario, settings)).scene_xml()
     try:
         out.write_text(xml, encoding="utf-8")
     except OSError as error:
@@ -259,7 +259,7 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
     In real time, where there is a screen.
     """
     from dualbend.errors import InputError
-    from dualbend.run.runner import BendingRun
+    from dualbend.run.make import make_run
     from dualbend.run.scenario import load_scenario
 
     if sys.platform == "linux" and not (
@@ -268,7 +268,7 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
         raise InputError("view needs a screen; without one, dualbend run writes run.rrd instead")
     from dualbend.run.viewer import run_in_viewer
 
-    result = run_in_viewer(BendingRun(load_scenario(scenario, settings)))
+    result = run_in_viewer(make_run(load_scenario(scenario, settings)))
     click.echo(f"{result.outcome} {result.reason}".rstrip())
     if not result.expected:
         sys.exit(EXIT_UNEXPECTED)

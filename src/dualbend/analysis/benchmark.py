@@ -10,8 +10,9 @@ from pathlib import Path
 import msgspec
 import mujoco
 
+from dualbend.run.make import make_run
 from dualbend.run.recording import write_recording
-from dualbend.run.runner import BendingRun
+from dualbend.run.runner import Run
 from dualbend.run.scenario import Scenario
 
 
@@ -35,7 +36,7 @@ def benchmark(scenario: Scenario, repetitions: int) -> Benchmark:
     """Run a scenario several times, bare physics and recording in turn with it."""
     factors, ratios, shares = [], [], []
     for _ in range(repetitions):
-        run = BendingRun(scenario)
+        run = make_run(scenario)
         result = run.run()
         factors.append(result.simulated_s / result.wall_time_s)
         ratios.append(result.wall_time_s / _bare_time(run, result.trace.rows))
@@ -53,7 +54,7 @@ def benchmark(scenario: Scenario, repetitions: int) -> Benchmark:
     )
 
 
-def _bare_time(run: BendingRun, cycles: int) -> float:
+def _bare_time(run: Run, cycles: int) -> float:
     """Return the time that the run's physics steps take alone [s], in its last state."""
     simulation = run.cell.simulation
     started = time.perf_counter()

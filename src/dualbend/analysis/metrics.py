@@ -12,9 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from dualbend.analysis.assembly_metrics import (
+    hole_table,
+    middle_spacing,
+    phase_table,
+    pin_table,
+    seated,
+)
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.run.runner import RunResult
 from dualbend.scene.cell import SIDES
+from dualbend.task.assembly_plan import plan_assembly
 from dualbend.task.bending import PHASES, make_path
 
 Vector = NDArray[np.float64]
@@ -156,17 +164,62 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **found}
 
 
+def assembly_metrics(result: RunResult) -> dict[str, Metric]:
+    """Return the metrics of an assembly; forces and moments are those of all phases."""
+    phases, holes, pins = phase_table(result), hole_table(result), pin_table(result)
+    config, sheet = result.scenario.assembly, result.scenario.sheet.sheet()
+    assert config is not None
+    spacing = middle_spacing(result)
+    if spacing is not None:
+        plan = plan_assembly(sheet, config.layout.holes, config.layout.pins)
+        spacing -= plan.spacing_m(result.scenario.path.end_rad)
+    trace, wall = result.trace, result.wall_time_s
+    return {
+        "holes_seated": Metric(float(seated(result).sum()), "1"),
+        "worst_hole_offset": Metric(_largest(holes, "offset_m"), "m"),
+        "worst_hole_height": Metric(_largest(holes, "height_m"), "m"),
+        "peak_pin_force": Metric(_largest(pins, "peak_force_n"), "N"),
+        "peak_edge_force": Metric(_largest(pins, "peak_edge_force_n"), "N"),
+        "peak_moment": Metric(_largest(phases, "peak_moment_nm"), "N m"),
+        "peak_force": Metric(_largest(phases, "peak_force_n"), "N"),
+        "peak_surface_strain": Metric(_peak(surface_strain(result)), "1"),
+        "yield_strain": Metric(config.limits.yield_pa / sheet.young_pa, "1"),
+        "middle_spacing_error": Metric(spacing, "m"),
+        "retries": Metric(
+            float(sum(p["attempt"] > 0 for p in phases if "lower" in p["phase"])), "1"
+        ),
+        "ik_residual_max": Metric(_peak(trace["ik_position"]), "m"),
+        "saturated_cycles": Metric(float(np.nansum(trace["saturated"])), "1"),
+        "simulated_time": Metric(result.simulated_s, "s"),
+        "realtime_factor": Metric(result.simulated_s / wall, "1"),
+        "wall_time": Metric(wall, "s"),
+    }
+
+
+def _largest(rows: list[dict[str, Any]], key: str) -> float | None:
+    values = [row[key] for row in rows if row[key] is not None]
+    return max(values) if values else None
+
+
 def summary(result: RunResult) -> dict[str, Any]:
     """Return what ``summary.json`` holds."""
+    if result.scenario.assembly is None:
+        metrics, tables = compute_metrics(result), {}
+    else:
+        metrics = assembly_metrics(result)
+        tables = {
+            "phases": phase_table(result),
+            "holes": hole_table(result),
+            "pins": pin_table(result),
+        }
     return {
         "scenario": result.scenario.name,
         "seed": result.scenario.seed,
         "outcome": result.outcome,
         "reason": result.reason,
         "versions": versions(),
-        "metrics": {
-            name: msgspec.to_builtins(metric) for name, metric in compute_metrics(result).items()
-        },
+        "metrics": {name: msgspec.to_builtins(metric) for name, metric in metrics.items()},
+        **tables,
     }
 
 

@@ -20,7 +20,6 @@ from dualbend.run.runner import RunResult
 from dualbend.run.trace import Trace
 from dualbend.scene import arm
 from dualbend.scene.cell import SIDES
-from dualbend.task.bending import PHASES
 
 _WHITE, _CREAM, _BLUE, _ORANGE = [240, 240, 240], [255, 220, 150], [70, 180, 255], [255, 165, 60]
 _SIDE_COLOURS = {"left": (_BLUE, [60, 110, 150]), "right": (_ORANGE, [150, 105, 55])}
@@ -134,7 +133,7 @@ def _log_phases(log: RecordingLog, result: RunResult) -> None:
     end_s = COMMAND_PERIOD_S * len(phase)
     ends_ns = [round(1e9 * t) for t in (end_s, end_s + max(_LANE * end_s, COMMAND_PERIOD_S))]
     times = np.append(log.times[starts], np.array(ends_ns, dtype="timedelta64[ns]"))
-    states = [*(PHASES[phase[i]] for i in starts), _words(result.outcome), ""]
+    states = [*(result.phases[phase[i]] for i in starts), _words(result.outcome), ""]
     look = rr.StateConfiguration(values=list(_STATE_COLOURS), colors=list(_STATE_COLOURS.values()))
     log.once("phase", look)
     log.send("phase", times, rr.StateChange.columns(state=states))

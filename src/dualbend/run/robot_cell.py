@@ -14,7 +14,7 @@ from dualbend.control.command_response import CommandResponse
 from dualbend.control.servo import JointServo
 from dualbend.run.scenario import Scenario
 from dualbend.scene.cell import SIDES, compose_cell, robots_only, without_looks
-from dualbend.scene.ik import InverseKinematics, grip_targets
+from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.simulation import SensorSample, Simulation
 
 Vector = NDArray[np.float64]
@@ -32,6 +32,9 @@ class RobotCell:
         Says everything about the cell.
     start
         x, z [m] and end slope α [rad] of both grips in their bending frames, (3,).
+    place
+        Where the bending frames are carried to at the start, (4,) as
+        :func:`dualbend.scene.ik.carried_targets` has it; None: nowhere.
 
     Raises
     ------
@@ -39,15 +42,26 @@ class RobotCell:
         The start is out of reach.
     """
 
-    def __init__(self, scenario: Scenario, start: Vector) -> None:
+    def __init__(self, scenario: Scenario, start: Vector, place: Vector | None = None) -> None:
         self.scenario, self.start = scenario, start
         robots = robots_only(scenario.cell).compile()
         self.ik = InverseKinematics(robots)
-        self.home = self.reach(start, HOME_GUESS_RAD)
+        self.home = self.reach(start, HOME_GUESS_RAD, place)
         self.servo = make_servo(scenario, robots, self.home)
         step_s = scenario.physics.step_s
-        sheet, strips = scenario.sheet.sheet(), scenario.sheet.strips
-        self.spec = compose_cell(scenario.cell, scenario.grasp, sheet, strips, self.servo, step_s)
+        strips, task = scenario.sheet.strips, scenario.assembly
+        sheet = scenario.sheet.sheet()
+        self.sheet = sheet if task is None else task.errors.true_sheet(sheet)
+        self.spec = compose_cell(
+            scenario.cell,
+            scenario.grasp,
+            self.sheet,
+            strips,
+            self.servo,
+            step_s,
+            None if task is None else task.true_layout(),
+            0 if task is None else task.sheets - 1,
+        )
         self.simulation = Simulation(
             without_looks(self.spec).compile(),
             scenario.grasp,
@@ -61,9 +75,11 @@ class RobotCell:
         """The model with its looks, for pictures; the same joints as the simulated one."""
         return self.spec.compile()
 
-    def reach(self, pose: Vector, guess: Vector) -> Vector:
+    def reach(self, pose: Vector, guess: Vector, place: Vector | None = None) -> Vector:
         """Return the joint angles (12,) for both grips at (x, z, α); InputError where none are."""
-        return self.ik.solve_from_home(grip_targets(np.array([pose, pose])), guess).q
+        both = np.array([pose, pose])
+        targets = grip_targets(both) if place is None else carried_targets(both, place)
+        return self.ik.solve_from_home(targets, guess).q
 
     def reset(self) -> SensorSample:
         """Put the cell at rest in its start, the sheet in its zero-moment shape."""
@@ -71,9 +87,8 @@ class RobotCell:
         arcs = np.linspace(0.0, sheet.length_m, sheet.strips.hinges + 1)
         _, _, slopes = elastica.shape(float(self.start[2]), sheet.length_m, arcs)
         self.response.reset(self.home)
-        return self.simulation.reset(
-            self.home, sheet.thickness_m / 2, slopes, self.scenario.cell.sheet_height_m
-        )
+        middle = np.array([0.0, 0.0, self.scenario.cell.sheet_height_m])
+        return self.simulation.reset(self.home, sheet.thickness_m / 2, slopes, middle)
 
     def send(self, q: Vector) -> SensorSample:
         """Run one command cycle towards the joint set-points (12,) [rad]."""

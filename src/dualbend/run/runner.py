@@ -1,4 +1,4 @@
-"""The one loop: every 28 ms observe, sense, comply, solve, send, until motion or robot ends it."""
+"""The loop: every 28 ms observe, sense, comply, solve, send, until motion or robot ends it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dualbend.control.admittance import Admittance
 from dualbend.control.alter import COMMAND_PERIOD_S, PlanarPathModification, TransportDelay
-from dualbend.control.controller import ComplianceController
+from dualbend.control.controller import Command, ComplianceController, Reading
 from dualbend.control.filters import LowPass
 from dualbend.control.force_torque import Sensor, ToolGravityCompensation, WrenchChain
 from dualbend.errors import InputError
@@ -29,8 +29,9 @@ from dualbend.run.scenario import Outcome, Scenario
 from dualbend.run.trace import Trace
 from dualbend.scene.arm import JOINT_SPEED_LIMIT_RAD_PER_S
 from dualbend.scene.cell import SIDES
-from dualbend.scene.ik import grip_targets
-from dualbend.scene.simulation import tool_mass_and_centre
+from dualbend.scene.ik import Targets, grip_targets
+from dualbend.scene.simulation import Observation, SensorSample, tool_mass_and_centre
+from dualbend.task.assembly import TaskStopped
 from dualbend.task.bending import PHASES, nominal_motion
 
 Vector = NDArray[np.float64]
@@ -44,16 +45,21 @@ _CHECKED_POSES = 40
 
 @dataclass(frozen=True, kw_only=True)
 class RunResult:
-    """What a run left: how it ended, why, its trace, the model with its looks, the time it took."""
+    """What a run left: how it ended, why, its trace, the model with its looks, the time it took.
+
+    ``laid``: of each sheet of an assembly, (4, 3) as its holes lie over their pins [m].
+    """
 
     scenario: Scenario
     outcome: Outcome
     reason: str
+    phases: tuple[str, ...]
     trace: Trace
     model: mujoco.MjModel
     bend_stiffness: float
     simulated_s: float
     wall_time_s: float
+    laid: tuple[Vector, ...] = ()
 
     @property
     def expected(self) -> bool:
@@ -61,8 +67,143 @@ class RunResult:
         return self.outcome in self.scenario.expect.outcome
 
 
-class BendingRun:
+class Run:
     """A scenario made ready: everything that can be refused has been when this exists.
+
+    One run's loop is that of a subclass; what surrounds it is here.
+    """
+
+    phases: tuple[str, ...]
+    trace: Trace
+    task_columns: tuple[tuple[str, str], ...] = ()
+
+    def __init__(self, scenario: Scenario, cell: RobotCell) -> None:
+        self.scenario, self.cell = scenario, cell
+        self.laid: list[Vector] = []
+
+    @property
+    def cycles(self) -> int:
+        """Number of command cycles, at most."""
+        raise NotImplementedError
+
+    def start(self) -> SensorSample:
+        """Put the cell where the run begins."""
+        raise NotImplementedError
+
+    def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
+        """Run to the end, one :meth:`Cycle.observe` and :meth:`Cycle.send` after the other."""
+        raise NotImplementedError
+
+    def run(self, on_cycle: Callable[[int], None] | None = None) -> RunResult:
+        """Simulate the motion; call ``on_cycle`` with the number of cycles done.
+
+        ``self.trace`` is the run's trace from its start on.
+        """
+        # Anew for each run: filters, delays and noise streams have a memory.
+        simulation = self.cell.simulation
+        controller = make_controller(self.scenario, simulation.model)
+        trace = Trace(
+            self.cycles,
+            list(controller.chains),
+            simulation.model.nq,
+            self.scenario.sheet.strips.hinges,
+            self.task_columns,
+        )
+        self.trace = trace
+        cycle = Cycle(self.cell, Guard.of(self.scenario.guard, simulation), trace, on_cycle)
+        started = time.perf_counter()
+        outcome: Outcome = "completed"
+        reason = ""
+        try:
+            with warnings_counted_only():
+                cycle.sample = self.start()
+                self._loop(controller, cycle)
+                refuse_warnings(simulation.data)
+        except ProtectiveStop as stop:
+            outcome, reason = "protective_stop", str(stop)
+        except TaskStopped as stop:
+            outcome, reason = "aborted", str(stop)
+        except SimulationFailed as failure:
+            outcome, reason = "failed", str(failure)
+        except KeyboardInterrupt:
+            outcome, reason = "failed", "interrupted by the user"
+        wall_time_s = time.perf_counter() - started
+        if reason:
+            reason = f"{reason}, at {simulation.data.time:.3f} s"
+        return RunResult(
+            scenario=self.scenario,
+            outcome=outcome,
+            reason=reason,
+            phases=self.phases,
+            trace=trace,
+            model=self.cell.model,
+            bend_stiffness=simulation.bend_stiffness,
+            simulated_s=float(simulation.data.time),
+            wall_time_s=wall_time_s,
+            laid=tuple(self.laid),
+        )
+
+    def scene_xml(self) -> str:
+        """Return the composed MJCF, with the start of the run as key frame ``start``."""
+        self.start()
+        spec, data = self.cell.spec.copy(), self.cell.simulation.data
+        spec.add_key(name="start", qpos=data.qpos.copy(), ctrl=data.ctrl.copy())
+        spec.compile()
+        return str(spec.to_xml())
+
+
+class Cycle:
+    """What every cycle of every run does: look, check and record; solve, send and record.
+
+    ``sample`` is what the sensors say at the start of the next cycle.
+    """
+
+    sample: SensorSample
+
+    def __init__(
+        self,
+        cell: RobotCell,
+        guard: Guard,
+        trace: Trace,
+        on_cycle: Callable[[int], None] | None,
+    ) -> None:
+        self.trace = trace
+        self._cell, self._guard, self._on_cycle = cell, guard, on_cycle
+        self._q = self._previous = cell.home
+        self._began = 0.0
+
+    def observe(self, phase: int, nominal: Vector) -> Observation:
+        """Look at the cell; ``nominal`` is α [rad], half distance and height of the grips [m]."""
+        self._began = time.perf_counter()
+        simulation, trace = self._cell.simulation, self.trace
+        seen = simulation.observe()
+        refuse_warnings(simulation.data)
+        trace.observe(
+            trace.rows * COMMAND_PERIOD_S,
+            phase,
+            nominal,
+            seen,
+            simulation.data.qpos,
+            simulation.bending_angles,
+        )
+        self._guard.check(seen.q, seen.speed, seen.torque, self._cell.response.position)
+        return seen
+
+    def send(self, targets: Targets, readings: dict[int, Reading], command: Command) -> None:
+        """Command both grips' poses in the world and run the physics to the next cycle."""
+        ik = self._cell.ik
+        solution = ik.solve(targets, 2.0 * self._q - self._previous)
+        if not solution.reached:
+            raise ProtectiveStop(f"commanded {ik.describe_miss(solution)}")
+        self._previous, self._q = self._q, solution.q
+        self.sample = self._cell.send(self._q)
+        self.trace.act(readings, command, solution, time.perf_counter() - self._began)
+        if self._on_cycle is not None:
+            self._on_cycle(self.trace.rows)
+
+
+class BendingRun(Run):
+    """The paper's experiment: bend the sheet along a path between two grips that hold it.
 
     Raises
     ------
@@ -70,15 +211,27 @@ class BendingRun:
         A pose of the nominal path is out of reach, or its joint speeds are above the arm's.
     """
 
+    phases = PHASES
+
     def __init__(self, scenario: Scenario) -> None:
-        self.scenario = scenario
         self.motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
         self._z_m = scenario.cell.sheet_height_m + self.motion.rise_m
+        self.scenario = scenario
         try:
-            self.cell = RobotCell(scenario, self._nominal_pose(0))
+            cell = RobotCell(scenario, self._nominal_pose(0))
         except InputError as error:
             raise self._out_of_reach(0, error) from error
+        super().__init__(scenario, cell)
         self._foresee()
+
+    @property
+    def cycles(self) -> int:
+        """Number of command cycles."""
+        return self.motion.cycles
+
+    def start(self) -> SensorSample:
+        """Put the cell at rest in its start, the sheet in its zero-moment shape."""
+        return self.cell.reset()
 
     def _nominal_pose(self, cycle: int) -> Vector:
         motion = self.motion
@@ -118,88 +271,15 @@ class BendingRun:
                 f"at most {slower:.2f} rad/s of bending here"
             )
 
-    def run(self, on_cycle: Callable[[int], None] | None = None) -> RunResult:
-        """Simulate the motion; call ``on_cycle`` with the number of cycles done."""
-        # Anew for each run: filters, delays and noise streams have a memory.
-        physics = self.cell.simulation.model
-        controller = make_controller(self.scenario, physics)
-        trace = Trace(
-            self.motion.cycles,
-            list(controller.chains),
-            physics.nq,
-            self.scenario.sheet.strips.hinges,
-        )
-        started = time.perf_counter()
-        outcome: Outcome = "completed"
-        reason = ""
-        try:
-            with warnings_counted_only():
-                self._loop(controller, trace, on_cycle)
-        except ProtectiveStop as stop:
-            outcome, reason = "protective_stop", str(stop)
-        except SimulationFailed as failure:
-            outcome, reason = "failed", str(failure)
-        except KeyboardInterrupt:
-            outcome, reason = "failed", "interrupted by the user"
-        wall_time_s = time.perf_counter() - started
-        simulation = self.cell.simulation
-        if reason:
-            reason = f"{reason}, at {simulation.data.time:.3f} s"
-        return RunResult(
-            scenario=self.scenario,
-            outcome=outcome,
-            reason=reason,
-            trace=trace,
-            model=self.cell.model,
-            bend_stiffness=simulation.bend_stiffness,
-            simulated_s=float(simulation.data.time),
-            wall_time_s=wall_time_s,
-        )
-
-    def scene_xml(self) -> str:
-        """Return the composed MJCF, with the start of the run as key frame ``start``."""
-        self.cell.reset()
-        spec, data = self.cell.spec.copy(), self.cell.simulation.data
-        spec.add_key(name="start", qpos=data.qpos.copy(), ctrl=data.ctrl.copy())
-        spec.compile()
-        return str(spec.to_xml())
-
-    def _loop(
-        self,
-        controller: ComplianceController,
-        trace: Trace,
-        on_cycle: Callable[[int], None] | None,
-    ) -> None:
-        cell, simulation, motion = self.cell, self.cell.simulation, self.motion
-        guard = Guard(self.scenario.guard, simulation.joint_range, simulation.torque_limit)
-        sample = cell.reset()
-        q = previous = cell.home
-        for cycle in range(motion.cycles):
-            began = time.perf_counter()
-            seen = simulation.observe()
-            refuse_warnings(simulation.data)
-            x, z, alpha = self._nominal_pose(cycle).tolist()
-            trace.observe(
-                cycle * COMMAND_PERIOD_S,
-                int(motion.phase[cycle]),
-                np.array([alpha, -x, z]),
-                seen,
-                simulation.data.qpos,
-                simulation.bending_angles,
-            )
-            guard.check(seen.q, seen.speed, seen.torque, cell.response.position)
+    def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
+        for n in range(self.motion.cycles):
+            x, z, alpha = self._nominal_pose(n).tolist()
+            seen = cycle.observe(int(self.motion.phase[n]), np.array([alpha, -x, z]))
             refuse_snapped(seen.sag, alpha)
+            sample = cycle.sample
             readings = controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
             command = controller.command(readings, x, z, alpha)
-            solution = cell.ik.solve(grip_targets(command.pose), 2.0 * q - previous)
-            if not solution.reached:
-                raise ProtectiveStop(f"commanded {cell.ik.describe_miss(solution)}")
-            previous, q = q, solution.q
-            sample = cell.send(q)
-            trace.act(readings, command, solution, time.perf_counter() - began)
-            if on_cycle is not None:
-                on_cycle(cycle + 1)
-        refuse_warnings(simulation.data)
+            cycle.send(grip_targets(command.pose), readings, command)
 
 
 def refuse_snapped(sag_m: float, alpha_rad: float) -> None:

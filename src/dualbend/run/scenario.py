@@ -30,15 +30,19 @@ from dualbend.resources import scenarios_dir
 from dualbend.run.guard import GuardConfig
 from dualbend.scene.cell import CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
+from dualbend.task.assembly import AssemblyConfig
 from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
 
 _ALTERNATIVES = ("interval_rad", "pieces")
 """Keys of a path that say the same thing: giving one takes the other back."""
 
-Outcome = Literal["completed", "protective_stop", "failed"]
+Outcome = Literal["completed", "aborted", "protective_stop", "failed"]
 
 LONGEST_RUN_S = 3600.0
 """A run of an hour holds some 10⁵ cycles in memory."""
+
+UNSET = "none"
+"""Value that takes an optional key or section back which the extended scenario has."""
 
 _SMALLEST, _LARGEST = 1e-15, 1e15
 
@@ -126,6 +130,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     sensor: ForceTorqueConfig = ForceTorqueConfig()
     filter: LowPassConfig = LowPassConfig()
     compliance: AdmittanceConfig = AdmittanceConfig()
+    assembly: AssemblyConfig | None = None
     guard: GuardConfig = GuardConfig()
     physics: PhysicsConfig = PhysicsConfig()
     expect: ExpectConfig = ExpectConfig()
@@ -228,7 +233,9 @@ def _merge(
         return dict(over)
     merged = dict(base)
     for key, value in over.items():
-        if isinstance(value, dict) and isinstance(merged.get(key), dict):
+        if value == UNSET and key in fields and fields[key].default is None:
+            merged.pop(key, None)
+        elif isinstance(value, dict) and isinstance(merged.get(key), dict):
             merged[key] = _merge(merged[key], value, fields[key].type if key in fields else None)
         else:
             merged[key] = value
@@ -266,6 +273,7 @@ def _number_or_text(text: str) -> float | str:
 
 
 def _convert(data: dict[str, Any], source: str) -> Scenario:
+    data = _merge({}, data)
     _refuse_absurd(data, source, ())
     _refuse_unknown(data, Scenario, source, ())
     try:

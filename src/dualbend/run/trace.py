@@ -44,9 +44,18 @@ class Trace:
         Length of the physics state that is kept beside the columns, for the recording in 3D.
     hinges
         Number of bending hinges.
+    task
+        Further columns, with their units, that only this task has.
     """
 
-    def __init__(self, cycles: int, sensing: Sequence[int], qpos_size: int, hinges: int) -> None:
+    def __init__(
+        self,
+        cycles: int,
+        sensing: Sequence[int],
+        qpos_size: int,
+        hinges: int,
+        task: Sequence[tuple[str, str]] = (),
+    ) -> None:
         self.columns: list[tuple[str, str]] = []
         self._slices: dict[str, slice] = {}
         self._declare("clock", [("time", "s"), ("phase", "1")])
@@ -79,6 +88,7 @@ class Trace:
                 ],
             )
         self._declare("saturated", [("saturated", "1")])
+        self._declare("task", list(task))
         self._declare("wall", [("wall_s", "s")])
         self.rows = 0
         self._table = np.full((cycles, len(self.columns)), np.nan)
@@ -112,6 +122,10 @@ class Trace:
         self._qpos[self.rows] = qpos
         self._bends[self.rows] = bends
         self.rows += 1
+
+    def note(self, values: Sequence[float]) -> None:
+        """Add the task's own columns to the row."""
+        self._table[self.rows - 1][self._slices["task"]] = values
 
     def act(
         self, readings: dict[int, Reading], command: Command, ik: IKSolution, wall_s: float

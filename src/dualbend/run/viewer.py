@@ -8,12 +8,12 @@ import mujoco
 import mujoco.viewer
 
 from dualbend.control.alter import COMMAND_PERIOD_S
-from dualbend.run.runner import BendingRun, RunResult
+from dualbend.run.runner import Run, RunResult
 
 _CLOSING_S = 1.0
 
 
-def run_in_viewer(run: BendingRun) -> RunResult:
+def run_in_viewer(run: Run) -> RunResult:
     """Run with a window open; closing the window does not end the run, only its picture."""
     shown = mujoco.MjData(run.cell.model)
     with mujoco.viewer.launch_passive(run.cell.model, shown) as window:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dualbend.beam.sheet import Sheet
 from dualbend.control.servo import JointServo
 from dualbend.scene import arm
+from dualbend.scene.bed import GRIPPING, LayoutConfig, add_holes, add_workplace
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, add_sheet
 
 Side = Literal["left", "right"]
@@ -26,6 +27,8 @@ _WELD_TIME_S, _WELD_TORQUE_SCALE_M = 5e-4, 10.0
 """Time constant and moment arm of the weld that holds the sheet's edge: MuJoCo caps a constraint's
 impedance, and with the defaults the weld gives way as much as the pads do. Tested: what the sheet
 feels is the configured stiffness within 10 % (translation) and 1 % (rotation)."""
+
+_JAW_STIFFNESS_N_PER_M, _JAW_FORCE_N = 2e4, 40.0
 
 
 class CellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -85,8 +88,14 @@ def compose_cell(
     strips: StripConfig,
     servo: JointServo,
     step_s: float,
+    layout: LayoutConfig | None = None,
+    laid_sheets: int = 0,
 ) -> mujoco.MjSpec:
-    """Return the whole scene: floor, two arms with servos and tools, the sheet held by both."""
+    """Return the whole scene: floor, two arms with servos and tools, the sheet held by both.
+
+    With a layout, the grippers' jaws are driven, the sheet has holes and is held by nobody yet, and
+    bed, pins and stand are there, with room for sheets that were laid before.
+    """
     spec = mujoco.MjSpec()
     spec.modelname = "dualbend"
     spec.compiler.degree = False
@@ -118,6 +127,12 @@ def compose_cell(
             solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
         )
         hold.data[10] = _WELD_TORQUE_SCALE_M
+        hold.active = layout is None
+    if layout is not None:
+        for side in SIDES:
+            _add_jaw_drives(spec, side)
+        add_workplace(spec, layout, sheet, strips, laid_sheets)
+        add_holes(spec, sheet, strips, layout)
     return spec
 
 
@@ -179,6 +194,36 @@ def _add_servo(spec: mujoco.MjSpec, joint: str, servo: JointServo, index: int) -
     )
     actuator.gainprm[0] = k
     actuator.biasprm[:3] = [0.0, -k, -c]
+
+
+def _add_jaw_drives(spec: mujoco.MjSpec, side: Side) -> None:
+    """Drive both jaws of a gripper, and let their rubber touch the sheet's end."""
+    for jaw, above in zip(arm.JAW_JOINTS, (1.0, -1.0), strict=True):
+        spec.body(f"{side}_{jaw}").add_geom(
+            name=f"{side}_{jaw}_rubber",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.010, 0.030, 0.0015],
+            pos=[0.0, 0.0, above * 0.0015],
+            mass=0.0,
+            contype=0,
+            conaffinity=GRIPPING,
+            condim=1,
+            solref=[0.0035, 1.0],
+            # Hard: between soft ones a sheet of half a millimetre would slip through.
+            solimp=[0.999, 0.9999, 1e-4, 0.5, 2.0],
+            group=3,
+        )
+        drive = spec.add_actuator(
+            name=f"{side}_{jaw}_drive",
+            target=f"{side}_{jaw}",
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+            forcerange=[-_JAW_FORCE_N, _JAW_FORCE_N],
+            forcelimited=True,
+        )
+        drive.gainprm[0] = _JAW_STIFFNESS_N_PER_M
+        drive.biasprm[1] = -_JAW_STIFFNESS_N_PER_M
 
 
 def _add_surroundings(spec: mujoco.MjSpec, cell: CellConfig) -> None:

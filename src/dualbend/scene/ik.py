@@ -139,5 +139,18 @@ def grip_targets(pose: Vector) -> Targets:
     )
 
 
+def carried_targets(pose: Vector, place: Vector) -> Targets:
+    """Return both grips' world poses where the bending frames are carried to a place.
+
+    ``pose`` (2, 3) as :func:`grip_targets` has it, heights above the place; ``place`` (4,) x, y,
+    z [m] and turn about the vertical [rad] in the world.
+    """
+    x, y, z, yaw = place.tolist()
+    half = 0.5 * yaw
+    frame = mink.SE3(np.array([math.cos(half), 0.0, 0.0, math.sin(half), x, y, z]))
+    left, right = grip_targets(pose)
+    return frame @ left, frame @ right
+
+
 def _norm3(vector: Vector) -> float:
     return float(np.sqrt(vector @ vector))

@@ -68,6 +68,11 @@ def bend_joint(index: int) -> str:
     return f"sheet_bend_{index:02d}"
 
 
+def twist_joint(index: int) -> str:
+    """Name of the twist hinge beside a bending hinge; every second one has it."""
+    return f"sheet_twist_{index:02d}"
+
+
 def strip_body(index: int) -> str:
     """Name of strip ``index`` of N + 1, counted from the left end."""
     return f"sheet_strip_{index:02d}"
@@ -120,7 +125,7 @@ def _add_half(
         )
         if i % _TWIST_EVERY == 0:
             body.add_joint(
-                name=f"sheet_twist_{hinge:02d}",
+                name=twist_joint(hinge),
                 type=mujoco.mjtJoint.mjJNT_HINGE,
                 axis=[float(direction), 0.0, 0.0],
                 stiffness=twist,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -16,7 +17,7 @@ from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, bend_joint, s
 Vector = NDArray[np.float64]
 
 # A turn by π about z takes the left arm's bending frame to the right arm's: x and y change sign.
-_TO_BENDING = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])
+BENDING_TO_WORLD = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +54,13 @@ class SensorSample:
     rotation: Vector
 
 
+class Watch(Protocol):
+    """What looks at the physics after every step, where once a cycle would miss a peak."""
+
+    def look(self) -> None:
+        """Look at the state that the step has reached."""
+
+
 class Simulation:
     """A compiled cell and its state, advanced one command cycle at a time.
 
@@ -81,8 +89,9 @@ class Simulation:
         self._dof = np.array([joint.dofadr[0] for joint in joints])
         self.joint_range = np.array([joint.range for joint in joints])
         self.torque_limit = model.jnt_actfrcrange[[joint.id for joint in joints], 1].copy()
-        self._stiffness = -model.actuator_biasprm[:, 1].copy()
+        self._stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
         self._hold_ids(grasp, strips)
+        self.watch: Watch | None = None
         whole, within = divmod(max(latency_steps, 1) - 1, self.steps)
         self._sample_step = self.steps - 1 - within
         self._line = TransportDelay(whole, 2 * (6 + 9))
@@ -107,32 +116,66 @@ class Simulation:
             [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad], 3
         )
         self._pad_damping = grasp.loss_time_s * self._pad_stiffness
+        self._drives = slice(0, len(self._q))
         bends = [model.joint(bend_joint(i)) for i in range(strips.hinges)]
         self._bend_q = np.array([joint.qposadr[0] for joint in bends])
         self.bend_stiffness = float(model.jnt_stiffness[bends[0].id].flat[0])
         self._middle = model.body(strip_body(strips.hinges // 2)).id
         self._sheet_q = model.joint("sheet").qposadr[0]
+        own = [i for i in range(model.njnt) if model.joint(i).name.startswith("sheet_")]
+        self._sheet_own = model.jnt_qposadr[own]
+        jaws = [model.joint(f"{side}_{jaw}") for side in SIDES for jaw in arm.JAW_JOINTS]
+        self._jaw_q = [jaw.qposadr[0] for jaw in jaws]
+        free = model.joint("sheet").dofadr[0] + np.arange(6)
+        self._sheet_dofs = np.concatenate((free, model.jnt_dofadr[own]))
 
     def reset(
-        self, q: Vector, jaw_opening_m: float, slopes: Vector, height_m: float
+        self,
+        q: Vector,
+        jaw_opening_m: float,
+        slopes: Vector,
+        middle_m: Vector,
+        yaw_rad: float = 0.0,
     ) -> SensorSample:
         """Start at rest and return the first sample.
 
-        Joint angles (12,) [rad], opening of each jaw, slopes of the strips (N + 1,) [rad], height
-        of the sheet's middle above the floor.
+        Joint angles (12,) [rad], opening of each jaw, slopes of the strips (N + 1,) [rad], place
+        of the sheet's middle (3,) in the world, the sheet's turn about the vertical.
         """
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[self._q] = q
-        for side in SIDES:
-            for jaw in arm.JAW_JOINTS:
-                self.data.joint(f"{side}_{jaw}").qpos[0] = jaw_opening_m
-        self.data.qpos[self._bend_q] = np.diff(slopes)
-        self.data.qpos[self._sheet_q + 2] = height_m
-        self.data.ctrl[:] = q
+        self.data.qpos[:] = self.positions(q, jaw_opening_m, slopes, middle_m, yaw_rad)
+        self.data.ctrl[self._drives] = q
         mujoco.mj_forward(self.model, self.data)
         sample = self._sense()
         self._line.reset(sample)
         return _unpack(sample)
+
+    def positions(
+        self,
+        q: Vector,
+        jaw_opening_m: float,
+        slopes: Vector,
+        middle_m: Vector,
+        yaw_rad: float = 0.0,
+    ) -> Vector:
+        """Return the physics positions (nq,); arguments as :meth:`reset` has them."""
+        qpos: Vector = self.model.qpos0.copy()
+        qpos[self._q] = q
+        qpos[self._jaw_q] = jaw_opening_m
+        self._place_sheet(qpos, slopes, middle_m, yaw_rad)
+        return qpos
+
+    def _place_sheet(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
+        qpos[self._sheet_own] = 0.0
+        qpos[self._bend_q] = np.diff(slopes)
+        free = self._sheet_q
+        qpos[free : free + 3] = middle_m
+        qpos[free + 3 : free + 7] = np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)
+
+    def put_sheet(self, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
+        """Put the sheet somewhere, at rest, untwisted; arguments as :meth:`reset` has them."""
+        self._place_sheet(self.data.qpos, slopes, middle_m, yaw_rad)
+        self.data.qvel[self._sheet_dofs] = 0.0
 
     @property
     def bending_angles(self) -> Vector:
@@ -148,7 +191,7 @@ class Simulation:
             self._pad_stiffness * data.qpos[self._pad_q]
             + self._pad_damping * data.qvel[self._pad_dof]
         ).reshape(2, 2, 3)
-        wrench = (load @ grip_axes.transpose(0, 2, 1)) * _TO_BENDING[:, np.newaxis]
+        wrench = (load @ grip_axes.transpose(0, 2, 1)) * BENDING_TO_WORLD[:, np.newaxis]
         grip, edge = self._planar()
         return Observation(
             q=data.qpos[self._q],
@@ -163,9 +206,9 @@ class Simulation:
     def _planar(self) -> Vector:
         """Return (2, 2, 4): gripper and edge, left and right, x, y, z and end slope."""
         pose = np.empty((2, 2, 4))
-        pose[..., :3] = self.data.site_xpos[self._ends] * _TO_BENDING
+        pose[..., :3] = self.data.site_xpos[self._ends] * BENDING_TO_WORLD
         axes = self.data.site_xmat[self._ends]
-        pose[..., 3] = np.arctan2(-axes[..., 6], axes[..., 0] * _TO_BENDING[:, 0])
+        pose[..., 3] = np.arctan2(-axes[..., 6], axes[..., 0] * BENDING_TO_WORLD[:, 0])
         return pose
 
     def advance(self, setpoints: Vector) -> SensorSample:
@@ -177,15 +220,17 @@ class Simulation:
         model, data = self.model, self.data
         feed_forward = data.qfrc_bias[self._dof] - data.qfrc_gravcomp[self._dof]
         rows = setpoints + feed_forward / self._stiffness
-        sample = np.empty(0)
+        sample, watch = np.empty(0), self.watch
         for step in range(self.steps):
-            data.ctrl[:] = rows[step]
+            data.ctrl[self._drives] = rows[step]
             if step:
                 mujoco.mj_step(model, data)
             else:
                 mujoco.mj_step2(model, data)
             if step == self._sample_step:
                 sample = self._sense()
+            if watch is not None:
+                watch.look()
         return _unpack(self._line.update(sample))
 
     def _sense(self) -> Vector:

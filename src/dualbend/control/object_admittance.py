@@ -1,0 +1,152 @@
+"""Compliance of what two arms hold together: the held object follows the net force on it.
+
+The wrenches on the two grips that bend the sheet cancel in their sum; what remains of it, beside
+the weight, comes from what the sheet touches. The object then moves as a whole, the arms keep their
+relative pose. Source of the idea: object impedance control, Schneider and Cannon, IEEE Trans.
+Robotics and Automation 8 (1992) 383.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from dualbend.control.alter import COMMAND_PERIOD_S, TransferFunction, Vector
+from dualbend.control.controller import Reading
+
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+
+
+_SURE_N, _SURE_NM = 0.2, 0.05
+"""Force and moment beyond the dead band that noise does not make."""
+
+_MARGIN_SEEKING = 1.25
+"""What is left of the gain margin while the sheet lies on the tips of pins."""
+
+
+class ObjectComplianceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the held sheet gives way to what it touches: a damper, ``B v = F``.
+
+    A damper follows a force until none is left. What the loop works against is the stiffness of the
+    sheet that is held by pins, which grows without bound towards the flat state but for the arms in
+    series. B is not set: it follows from that stiffness, the loop's delays and the margin.
+    """
+
+    gain_margin: Annotated[
+        float, msgspec.Meta(gt=1, le=100, description="of the loop, at every bending angle")
+    ] = 4.0
+    deadband_n: NotNegative = 0.1
+    deadband_nm: NotNegative = 0.02
+    seek_m_per_s: Annotated[
+        float, msgspec.Meta(ge=0, le=0.01, description="least speed towards a pin, on its tip")
+    ] = 0.5e-3
+    seek_rad_per_s: Annotated[float, msgspec.Meta(ge=0, le=0.1, description="the same, yaw")] = 2e-3
+    limit_m: Annotated[float, msgspec.Meta(gt=0, description="largest |δx|, |δy|")] = 5e-3
+    limit_rad: Annotated[float, msgspec.Meta(gt=0, description="largest turn")] = 0.03
+
+
+class ObjectAdmittance:
+    """Turn the net force on the object into its deviation, δ[n] = δ[n−1] + (T/B) F[n].
+
+    H(z) = (T/B) / (1 − z⁻¹) for each of x, y and yaw, clamped. Beyond the dead band the force less
+    the band acts: noise does not make the object wander.
+
+    Parameters
+    ----------
+    config
+        Dead bands and bounds.
+    bends, mobility
+        1/B (n, 3) of x, y [m/(N s)] and yaw [rad/(N m s)] at n growing bending angles, (n,), each
+        over that at which the sheet is laid.
+    """
+
+    def __init__(self, config: ObjectComplianceConfig, bends: Vector, mobility: Vector) -> None:
+        self.config = config
+        self._bends, self._mobility = bends, mobility
+        self._seeking = max(1.0, config.gain_margin / _MARGIN_SEEKING)
+        self._band = np.array([config.deadband_n, config.deadband_n, config.deadband_nm])
+        self._limit = np.array([config.limit_m, config.limit_m, config.limit_rad])
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to no deviation."""
+        self.deviation = np.zeros(3)
+
+    def mobility(self, bend: float) -> Vector:
+        """Return 1/B (3,) at a bending angle over that at which the sheet is laid."""
+        return np.array([np.interp(bend, self._bends, column) for column in self._mobility.T])
+
+    def update(self, wrench: Vector, bend: float, seeking: bool = False) -> Vector:
+        """Take net force x, y [N] and moment z [N m]; return δx, δy [m] and the turn [rad].
+
+        Seeking, on the tips of pins, it goes where the force points with a speed of its own: near
+        the top of a tip the force is small however far the pin is. What the loop's margin leaves is
+        for the moment at which the object falls into place.
+        """
+        beyond = np.sign(wrench) * np.maximum(np.abs(wrench) - self._band, 0.0)
+        speed = self.mobility(bend) * beyond
+        if seeking:
+            speed *= self._seeking
+            speed[:2] = _at_least(speed[:2], beyond[:2], self.config.seek_m_per_s, _SURE_N)
+            speed[2:] = _at_least(speed[2:], beyond[2:], self.config.seek_rad_per_s, _SURE_NM)
+        moved = self.deviation + COMMAND_PERIOD_S * speed
+        self.deviation = np.clip(moved, -self._limit, self._limit)
+        return self.deviation.copy()
+
+    def transfer_function(self, axis: int, bend: float) -> TransferFunction:
+        """Tell H(z) of one axis in powers of z⁻¹, without band and clamp."""
+        gain = COMMAND_PERIOD_S * float(self.mobility(bend)[axis])
+        return np.array([gain]), np.array([1.0, -1.0])
+
+
+def _at_least(speed: Vector, force: Vector, least: float, sure: float) -> Vector:
+    """Return the speed, in its direction not below ``least`` where the force is a sure one."""
+    size = float(np.linalg.norm(speed))
+    if size == 0.0:
+        return speed
+    wanted = least * min(1.0, float(np.linalg.norm(force)) / sure)
+    return speed * max(1.0, wanted / size)
+
+
+def critical_rate(path: Sequence[TransferFunction], latency_cycles: float) -> float:
+    """Return the largest stiffness over damping k/B [1/s] with which a damper's loop is stable.
+
+    The loop is ``(k/B) T / (1 − z⁻¹)`` times what the path's elements make of it; at the frequency
+    where its phase is −π its gain is one. ``latency_cycles``: age of the reading in periods.
+    """
+    omega = np.linspace(1e-3, np.pi, 4000)
+    back = np.exp(-1j * omega)
+    loop = COMMAND_PERIOD_S / (1.0 - back) * back**latency_cycles
+    for numerator, denominator in path:
+        loop = loop * np.polyval(numerator[::-1], back) / np.polyval(denominator[::-1], back)
+    phase = np.unwrap(np.angle(loop))
+    at = int(np.argmax(phase <= -np.pi))
+    return float(1.0 / np.abs(loop[at]))
+
+
+def net_wrench(
+    readings: Mapping[int, Reading], half_distance_m: float, alpha_rad: float, yaw_rad: float
+) -> Vector:
+    """Return net force x, y, z [N] in the world and moment about the vertical [N m] (4,).
+
+    Of both grips on the arms, filtered; the moment is about the vertical through the object's
+    place, which lies midway between the grips.
+    """
+    c, s = math.cos(alpha_rad), math.sin(alpha_rad)
+    total = np.zeros(4)
+    for i, reading in readings.items():
+        fx, fy, fz = reading.sample.filtered_force_grip_n.tolist()
+        mx, _, mz = reading.sample.filtered_torque_grip_nm.tolist()
+        along, up = fx * c + fz * s, -fx * s + fz * c
+        turn = -mx * s + mz * c
+        # The right arm's bending frame is the left one's turned by π.
+        sign = 1.0 if i == 0 else -1.0
+        total += sign * along, sign * fy, up, turn - half_distance_m * fy
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    x, y = total[:2].tolist()
+    total[:2] = c * x - s * y, s * x + c * y
+    return total

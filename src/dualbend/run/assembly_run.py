@@ -1,0 +1,287 @@
+"""The assembly's loop: the robots' program is asked every cycle what it wants, and told what is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.beam.sheet import Sheet
+from dualbend.control.alter import COMMAND_PERIOD_S, TransportDelay
+from dualbend.control.controller import ComplianceController, Reading
+from dualbend.control.filters import LowPass
+from dualbend.control.object_admittance import (
+    ObjectAdmittance,
+    ObjectComplianceConfig,
+    critical_rate,
+    net_wrench,
+)
+from dualbend.errors import InputError
+from dualbend.run.guard import SimulationFailed
+from dualbend.run.object_stiffness import object_stiffness
+from dualbend.run.robot_cell import RobotCell
+from dualbend.run.runner import Cycle, Run
+from dualbend.run.scenario import Scenario
+from dualbend.scene.bed import HOLES
+from dualbend.scene.cell import SIDES
+from dualbend.scene.grippers import Grippers
+from dualbend.scene.ik import Targets, carried_targets
+from dualbend.scene.pin_contacts import PinContacts
+from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
+from dualbend.task.assembly import PHASES, AssemblyTask, Goal, Posture, Sensed
+from dualbend.task.assembly_plan import AssemblyPlan, plan_assembly
+from dualbend.task.bending import make_path
+
+Vector = NDArray[np.float64]
+
+LONGEST_S = 180.0
+"""A sheet is laid within this, or the run is given up."""
+
+_PLACE = (("x", "m"), ("y", "m"), ("z", "m"), ("yaw", "rad"))
+
+TASK_COLUMNS: tuple[tuple[str, str], ...] = (
+    ("sheet", "1"),
+    ("attempt", "1"),
+    *((f"place_{name}", unit) for name, unit in _PLACE),
+    *((f"object_deviation_{name}", unit) for name, unit in _PLACE if name != "z"),
+    *((f"net_force_{name}", "N") for name in "xyz"),
+    ("net_moment_z", "N m"),
+    *((f"{side}_gap", "m") for side in SIDES),
+    *((f"pin_force_{hole}", "N") for hole in HOLES),
+    *((f"edge_force_{hole}", "N") for hole in HOLES),
+    *((f"hole_{hole}_{axis}", "m") for hole in HOLES for axis in "xyz"),
+)
+
+
+class AssemblyRun(Run):
+    """Two arms lay sheets on the pins.
+
+    Raises
+    ------
+    InputError
+        A posture is out of reach, or the sheet's holes do not fit the pins at any bending angle.
+    """
+
+    phases = PHASES
+    task_columns = TASK_COLUMNS
+
+    def __init__(self, scenario: Scenario) -> None:
+        assert scenario.assembly is not None
+        self.scenario = scenario
+        self.config, sheet = scenario.assembly, scenario.sheet.sheet()
+        self._path = make_path(scenario.path, sheet.length_m)
+        self._believed = sheet
+        self.plan = self._make_plan(sheet)
+        task = self._make_task()
+        self._start = task.start
+        try:
+            cell = RobotCell(scenario, self._pose(task.start), _place(task.start))
+        except InputError as error:
+            raise InputError(f"scenario {scenario.name!r}: approach: {error}") from error
+        super().__init__(scenario, cell)
+        self._foresee(task)
+        simulation, layout = cell.simulation, self.config.true_layout()
+        self.grippers = Grippers(simulation.model, simulation.data, cell.sheet.thickness_m)
+        self.pins = PinContacts(
+            simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
+        )
+        simulation.watch = self.pins
+
+    def _make_plan(self, sheet: Sheet) -> AssemblyPlan:
+        """Return the plan of the layout; refuse a bending angle that is not in its range."""
+        layout, limits = self.config.layout, self.config.limits
+        plan = plan_assembly(
+            sheet, layout.holes, layout.pins, yield_strain=limits.yield_pa / sheet.young_pa
+        )
+        low, high = plan.range.clear_rad, plan.range.highest_rad
+        if not low <= self.scenario.path.end_rad <= high:
+            raise InputError(
+                f"scenario {self.scenario.name!r}: path.end_rad = {self.scenario.path.end_rad:g}: "
+                f"the holes go over the pins between {low:.3f} and {high:.3f} rad, "
+                f"best at {plan.bend_rad:.3f} rad"
+            )
+        return plan
+
+    def _make_task(self) -> AssemblyTask:
+        """Return the robots' program, anew: it has a memory."""
+        return AssemblyTask(
+            config=self.config,
+            sheet=self._believed,
+            path=self._path,
+            touch_rad=self.plan.unfolding.reach_rad,
+            bend_speed_rad_per_s=self.scenario.motion.speed_rad_per_s,
+        )
+
+    def _pose(self, posture: Posture) -> Vector:
+        half, rise = self._path.at(posture.alpha)
+        return np.array([-half - posture.retreat, rise, posture.alpha])
+
+    def _foresee(self, task: AssemblyTask) -> None:
+        """Refuse postures that the arms cannot reach."""
+        q = self.cell.home
+        for phase, posture in task.waypoints():
+            try:
+                q = self.cell.reach(self._pose(posture), q, _place(posture))
+            except InputError as error:
+                raise InputError(
+                    f"scenario {self.scenario.name!r}: {phase}: {error}; look at "
+                    f"assembly.layout.stand.y_m = {self.config.layout.stand.y_m}, "
+                    f"cell.base_distance_m = {self.scenario.cell.base_distance_m}"
+                ) from error
+            if phase == "lower":
+                self._down, self._down_q = posture, q
+
+    @property
+    def cycles(self) -> int:
+        """Number of command cycles, at most."""
+        return round(self.config.sheets * LONGEST_S / COMMAND_PERIOD_S)
+
+    def start(self) -> SensorSample:
+        """Put the arms beside the stand, jaws open, and a sheet upon it."""
+        cell = self.cell
+        cell.response.reset(cell.home)
+        flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
+        sample = cell.simulation.reset(
+            cell.home, self.config.jaw_opening_m, flat, *self._on_the_stand()
+        )
+        self.grippers.reset(self.config.jaw_opening_m)
+        self.pins.peaks()
+        self.laid = []
+        return sample
+
+    def _on_the_stand(self) -> tuple[Vector, float]:
+        stand, errors = self.config.layout.stand, self.config.errors
+        height = stand.top_m + 0.5 * self.cell.sheet.thickness_m
+        place = np.array([errors.pickup_x_m, stand.y_m + errors.pickup_y_m, height])
+        return place, errors.pickup_yaw_rad
+
+    def _supply(self) -> None:
+        """Leave the laid sheet where it is and put the next one on the stand."""
+        self.pins.lay(len(self.laid) - 1)
+        flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
+        self.cell.simulation.put_sheet(flat, *self._on_the_stand())
+
+    def _make_admittance(self, compliance: ObjectComplianceConfig) -> ObjectAdmittance:
+        """Return the compliance whose damping gives its loop the margin that is asked for."""
+        scenario, step_s = self.scenario, self.scenario.physics.step_s
+        elements = [
+            LowPass(scenario.filter).transfer_function(),
+            TransportDelay(scenario.alter.delay_cycles, 1).transfer_function(),
+            self.cell.response.transfer_function(),
+        ]
+        age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
+        rate = critical_rate(elements, age) / compliance.gain_margin
+        bends = np.linspace(0.0, 1.0, 6)
+        return ObjectAdmittance(
+            compliance, bends, rate / np.array([self.stiffness(b) for b in bends])
+        )
+
+    def stiffness(self, bend: float) -> Vector:
+        """Return what the object's compliance works against along x, y and about z, (3,)."""
+        posture = replace(self._down, alpha=bend * self._down.alpha)
+        q = self.cell.reach(self._pose(posture), self._down_q, _place(posture))
+        pinned = self.config.layout.holes.middle.along_m
+        return np.diag(object_stiffness(self.cell, q, posture.alpha, pinned))
+
+    def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
+        compliance = self.config.compliance
+        admittance = None if compliance is None else self._make_admittance(compliance)
+        delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
+        task = self._make_task()
+        steps = task.steps()
+        goal = next(steps)
+        while True:
+            if task.laid > len(self.laid):
+                self.laid.append(self.pins.offsets())
+                self._supply()
+            x, rise, alpha = self._pose(goal.posture).tolist()
+            place = _place(goal.posture)
+            seen = cycle.observe(goal.phase, np.array([alpha, -x, place[2] + rise]))
+            sample = cycle.sample
+            readings = controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
+            net = net_wrench(readings, -x, alpha, float(place[3]))
+            deviation = np.zeros(3)
+            if admittance is not None:
+                if goal.bend is not None:
+                    admittance.update(task.contact_wrench(net), goal.bend, goal.seeking)
+                elif goal.phase < PHASES.index("lower"):
+                    admittance.reset()
+                deviation = admittance.deviation
+            self._note(cycle, goal, task.laid, deviation, net)
+            moved = place + delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
+            command = controller.command(readings, x, rise, alpha)
+            self.grippers.drive(goal.posture.opening)
+            targets = carried_targets(command.pose, moved)
+            error = _error(targets, seen.grip[:, :3])
+            cycle.send(targets, readings, command)
+            self.grippers.update()
+            sensed = Sensed(
+                net=net,
+                vertical=_vertical(readings, alpha),
+                gap=self.grippers.gap_m,
+                error_m=error,
+            )
+            try:
+                goal = steps.send(sensed)
+            except StopIteration:
+                self.laid.append(self.pins.offsets())
+                return
+
+    def _note(self, cycle: Cycle, goal: Goal, laid: int, deviation: Vector, net: Vector) -> None:
+        """Record what is the assembly's own, and stop at what does damage."""
+        peaks, limits = self.pins.peaks(), self.config.limits
+        cycle.trace.note(
+            [
+                float(laid),
+                float(goal.attempt),
+                *_place(goal.posture),
+                *deviation,
+                *net,
+                *self.grippers.gap_m,
+                *peaks.ravel(),
+                *self.pins.offsets().ravel(),
+            ]
+        )
+        strain = self._surface_strain()
+        if strain > limits.yield_pa / self.cell.sheet.young_pa:
+            raise SimulationFailed(
+                f"{PHASES[goal.phase]}: the sheet's surface strain is {strain:.2e}, above yield, "
+                f"{limits.yield_pa / self.cell.sheet.young_pa:.2e}"
+            )
+        for force, limit, what in (
+            (peaks[0], limits.pin_force_n, "pin"),
+            (peaks[1], limits.edge_force_n, "hole edge"),
+        ):
+            worst = int(np.argmax(force))
+            if force[worst] > limit:
+                raise SimulationFailed(
+                    f"{PHASES[goal.phase]}: the force on the {HOLES[worst]} {what} is "
+                    f"{force[worst]:.1f} N, above {limit:g} N"
+                )
+
+    def _surface_strain(self) -> float:
+        """Return the largest surface strain, ε = |Δθ| t / (2 h)."""
+        sheet, hinges = self.cell.sheet, self.scenario.sheet.strips.hinges
+        curvature = np.abs(self.cell.simulation.bending_angles).max() * hinges / sheet.length_m
+        return float(0.5 * sheet.thickness_m * curvature)
+
+
+def _place(posture: Posture) -> Vector:
+    return np.array([posture.x, posture.y, posture.z, posture.yaw])
+
+
+def _vertical(readings: dict[int, Reading], alpha: float) -> Vector:
+    """Return the force on each arm along the vertical (2,) [N], filtered."""
+    c, s = np.cos(alpha), np.sin(alpha)
+    force = np.zeros(len(SIDES))
+    for i, reading in readings.items():
+        along, _, normal = reading.sample.filtered_force_grip_n.tolist()
+        force[i] = normal * c - along * s
+    return force
+
+
+def _error(targets: Targets, grip: Vector) -> float:
+    """Return how far the grips (2, 3) are from where they are sent, the farther one [m]."""
+    sent = np.array([target.translation() for target in targets])
+    return float(np.linalg.norm(grip * BENDING_TO_WORLD - sent, axis=1).max())

@@ -1,0 +1,300 @@
+"""Where sheets are stacked: assembly bed, alignment pins, pick-up stand, and the sheet's holes."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import msgspec
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.beam.sheet import Sheet
+from dualbend.scene.sheet import StripConfig, strip_body
+
+Vector = NDArray[np.float64]
+Length = Annotated[float, msgspec.Meta(gt=0, lt=3)]
+
+RESTING, PINNING, GRIPPING = 2, 4, 8
+"""Collision bits: sheet on what it lies on (the arms have 1), hole's edge on pin, jaw on sheet."""
+
+PAIRS: tuple[Literal["middle", "outer"], ...] = ("middle", "outer")
+HOLES = ("middle_left", "middle_right", "outer_left", "outer_right")
+"""Holes and pins, as every array of four has them; left is negative along the sheet."""
+
+_RING_SIDES = 32
+"""Sides of the polygon that stands for a hole: its room differs by 6 µm between side and corner,
+and is the circle's on average. Eight sides would give a pin 0.2 mm more towards the corners."""
+
+_RING_DEPTH_M = 8e-3
+"""How far the hole's ring reaches into the sheet: a hole that far off its pin still rests on it."""
+
+_BELOW_FLOOR_M, _LAID_DEPTH_M = -1.0, 5e-3
+
+# Two steps of 1.75 ms: the stiffest contact that a step resolves.
+_CONTACT_SOLREF = [0.0035, 1.0]
+_PIN_SOLIMP = [0.98, 0.999, 2e-5, 0.5, 2.0]
+
+
+class HolePairConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Two holes, or two pins, that are each other's image in the sheet's middle.
+
+    One stands at (−along, −across), the other at (+along, +across), from the middle.
+    """
+
+    along_m: Annotated[float, msgspec.Meta(ge=0, lt=1.5, description="arc length from the middle")]
+    across_m: Annotated[float, msgspec.Meta(ge=-1.5, le=1.5, description="off the centre line")] = (
+        0.0
+    )
+
+
+class HolesConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The sheet's four holes: the middle pair goes over its pins first, then the outer pair."""
+
+    middle: HolePairConfig = HolePairConfig(along_m=0.04)
+    outer: HolePairConfig = HolePairConfig(along_m=0.14)
+    clearance_m: Annotated[
+        float, msgspec.Meta(gt=0, lt=5e-3, description="hole's diameter less the pin's")
+    ] = 0.2e-3
+    errors_m: Annotated[
+        tuple[tuple[float, float], ...],
+        msgspec.Meta(
+            min_length=4, max_length=4, description="each hole off its place, along and across"
+        ),
+    ] = ((0.0, 0.0),) * 4
+
+
+class PinsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The four alignment pins, where the holes of a flat sheet belong."""
+
+    diameter_m: Annotated[float, msgspec.Meta(ge=1e-3, le=0.03)] = 4.76e-3
+    height_m: Annotated[float, msgspec.Meta(ge=2e-3, le=0.05, description="tip above the bed")] = (
+        6e-3
+    )
+    tip: Literal["round", "taper"] = "round"
+    taper_length_m: Annotated[
+        float, msgspec.Meta(gt=0, le=0.05, description="of a tapered tip")
+    ] = 4e-3
+    friction: Annotated[float, msgspec.Meta(ge=0, le=2, description="pin against hole's edge")] = (
+        0.2
+    )
+
+    @property
+    def tip_m(self) -> float:
+        """Length of the tip, over which a pin gets thinner [m]."""
+        return 0.5 * self.diameter_m if self.tip == "round" else self.taper_length_m
+
+
+class BedConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The assembly bed: a flat block with the pins, under the cell's origin."""
+
+    half_length_m: Length = 0.16
+    half_width_m: Length = 0.05
+    top_m: Annotated[float, msgspec.Meta(gt=0, lt=3, description="above the floor")] = 0.672
+    friction: Annotated[float, msgspec.Meta(ge=0, le=2, description="bed and stand")] = 0.2
+
+
+class StandConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The pick-up stand: a flat block beside the bed."""
+
+    y_m: Annotated[float, msgspec.Meta(ge=-1.5, le=1.5, description="its middle, in the world")] = (
+        0.30
+    )
+    half_length_m: Length = 0.16
+    half_width_m: Length = 0.05
+    top_m: Annotated[float, msgspec.Meta(gt=0, lt=3, description="above the floor")] = 0.672
+
+
+class LayoutConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Everything that the arms' workplace holds beside the sheet itself."""
+
+    holes: HolesConfig = HolesConfig()
+    pins: PinsConfig = PinsConfig()
+    bed: BedConfig = BedConfig()
+    stand: StandConfig = StandConfig()
+
+
+def hole_places(holes: HolesConfig) -> Vector:
+    """Return (4, 2): distance along and across the sheet from its middle [m], in HOLES' order."""
+    pairs = (holes.middle, holes.outer)
+    return np.array(
+        [(sign * pair.along_m, sign * pair.across_m) for pair in pairs for sign in (-1.0, 1.0)]
+    )
+
+
+def add_workplace(
+    spec: mujoco.MjSpec, layout: LayoutConfig, sheet: Sheet, strips: StripConfig, laid: int
+) -> None:
+    """Add bed, pins, stand, and room for ``laid`` sheets that rest on the pins."""
+    bed, stand = layout.bed, layout.stand
+    for name, block, y_m in (("bed", bed, 0.0), ("stand", stand, stand.y_m)):
+        spec.worldbody.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[block.half_length_m, block.half_width_m, block.top_m / 2],
+            pos=[0.0, y_m, block.top_m / 2],
+            contype=0,
+            conaffinity=RESTING | 1,
+            friction=[bed.friction, 0.005, 0.0001],
+            rgba=[0.55, 0.57, 0.60, 1.0],
+            group=2,
+        )
+    for name, (along, across) in zip(HOLES, hole_places(layout.holes), strict=True):
+        _add_pin(spec, name, layout.pins, np.array([along, across, bed.top_m]))
+        _watch(spec, name)
+    for number in range(laid):
+        _add_laid(spec, number, sheet, strips, bed.friction)
+
+
+def _watch(spec: mujoco.MjSpec, name: str) -> None:
+    """Measure the force on a pin, and the largest force of one contact: what the edge bears."""
+    for kind, reduce in (("net", 3), ("edge", 2)):
+        sensor = spec.add_sensor(
+            name=f"{kind}_{name}",
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            objtype=mujoco.mjtObj.mjOBJ_GEOM,
+            objname=f"pin_{name}",
+        )
+        # Data: force; how many contacts are reduced, and to one.
+        sensor.intprm[:3] = [1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), reduce, 1]
+
+
+def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -> None:
+    """Add one pin; what touches it is a capsule, or a cylinder with a truncated cone."""
+    body = spec.worldbody.add_body(name=f"pin_{name}", pos=foot_m)
+    radius = pins.diameter_m / 2
+    shape = {
+        "contype": 0,
+        "conaffinity": PINNING,
+        "condim": 3,
+        "friction": [pins.friction, 0.005, 0.0001],
+        "solref": _CONTACT_SOLREF,
+        "solimp": _PIN_SOLIMP,
+        "rgba": [0.80, 0.65, 0.25, 1.0],
+        "group": 2,
+    }
+    if pins.tip == "round":
+        # The foot's hemisphere is inside the bed.
+        half = (pins.height_m - radius) / 2
+        body.add_geom(
+            name=f"pin_{name}",
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            size=[radius, half, 0.0],
+            pos=[0.0, 0.0, half],
+            **shape,
+        )
+        return
+    shaft = pins.height_m - pins.taper_length_m
+    rim = np.array([(math.cos(a), math.sin(a)) for a in np.arange(24) * math.pi / 12])
+    rings = [(0.0, radius), (shaft, radius), (pins.height_m, radius / 3)]
+    vertices = np.array([(*(r * xy), z) for z, r in rings for xy in rim])
+    spec.add_mesh(name=f"pin_{name}", uservert=vertices.ravel())
+    body.add_geom(
+        name=f"pin_{name}",
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=f"pin_{name}",
+        **shape,
+    )
+
+
+def laid_body(number: int, strip: int) -> str:
+    """Name of the body that stands for one strip of a sheet that was laid before."""
+    return f"laid_{number}_{strip:02d}"
+
+
+def _add_laid(
+    spec: mujoco.MjSpec, number: int, sheet: Sheet, strips: StripConfig, friction: float
+) -> None:
+    """Add a laid sheet, strip by strip, to be put where the simulated one came to rest.
+
+    A laid sheet does not move any more. What the next one touches is its upper face; the plates
+    reach into the bed, since a contact of half a millimetre could be stepped over.
+    """
+    h = sheet.length_m / strips.hinges
+    for i in range(strips.hinges + 1):
+        length = h / 2 if i in (0, strips.hinges) else h
+        body = spec.worldbody.add_body(
+            name=laid_body(number, i), mocap=True, pos=[0.0, 0.0, _BELOW_FLOOR_M]
+        )
+        half = sheet.thickness_m / 2
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[length / 2, sheet.width_m / 2, half],
+            contype=0,
+            conaffinity=0,
+            rgba=[0.45, 0.60, 0.80, 1.0],
+            group=2,
+        )
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[length / 2, sheet.width_m / 2, _LAID_DEPTH_M / 2],
+            pos=[0.0, 0.0, half - _LAID_DEPTH_M / 2],
+            contype=0,
+            conaffinity=RESTING,
+            friction=[friction, 0.005, 0.0001],
+            group=3,
+        )
+
+
+def add_holes(spec: mujoco.MjSpec, sheet: Sheet, strips: StripConfig, layout: LayoutConfig) -> None:
+    """Give the sheet its holes, and feet to lie on; its ends can be gripped."""
+    h = sheet.length_m / strips.hinges
+    places = hole_places(layout.holes) + np.array(layout.holes.errors_m)
+    for name, (along, across) in zip(HOLES, places, strict=True):
+        number = round(along / h)
+        body = spec.body(strip_body(strips.hinges // 2 + number))
+        # A strip's frame is at the hinge towards the middle, the middle strip's at its centre.
+        offset = along - (number - 0.5 * np.sign(number)) * h
+        _add_ring(body, name, layout, sheet.thickness_m, np.array([offset, across]))
+    for end in (0, strips.hinges):
+        spec.geom(f"{strip_body(end)}_plate").contype = GRIPPING
+    for i in range(1, strips.hinges):
+        body = spec.body(strip_body(i))
+        centre = 0.5 * h * np.sign(i - strips.hinges // 2)
+        for side, sign in (("front", -1.0), ("back", 1.0)):
+            body.add_geom(
+                name=f"foot_{i:02d}_{side}",
+                type=mujoco.mjtGeom.mjGEOM_SPHERE,
+                size=[sheet.thickness_m / 2, 0.0, 0.0],
+                pos=[centre, sign * 0.4 * sheet.width_m, 0.0],
+                mass=0.0,
+                contype=RESTING,
+                conaffinity=0,
+                condim=3,
+                friction=[0.0, 0.005, 0.0001],  # of two, the larger counts: the bed's
+                solref=_CONTACT_SOLREF,
+                group=3,
+            )
+
+
+def _add_ring(
+    body: mujoco.MjsBody, name: str, layout: LayoutConfig, thickness_m: float, centre_m: Vector
+) -> None:
+    """Add a hole as a ring of boxes."""
+    radius = (layout.pins.diameter_m + layout.holes.clearance_m) / 2
+    radius *= math.sqrt(math.cos(math.pi / _RING_SIDES))
+    half_side = (radius + _RING_DEPTH_M) * math.tan(math.pi / _RING_SIDES)
+    body.add_site(name=f"hole_{name}", pos=[*centre_m, 0.0], group=4, size=[radius, radius, radius])
+    for i in range(_RING_SIDES):
+        turn = 2.0 * math.pi * i / _RING_SIDES
+        middle = radius + _RING_DEPTH_M / 2
+        body.add_geom(
+            name=f"hole_{name}_{i:02d}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[_RING_DEPTH_M / 2, half_side, thickness_m / 2],
+            pos=[
+                centre_m[0] + middle * math.cos(turn),
+                centre_m[1] + middle * math.sin(turn),
+                0.0,
+            ],
+            quat=[math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2)],
+            mass=0.0,
+            contype=PINNING,
+            conaffinity=0,
+            condim=3,
+            friction=[0.0, 0.005, 0.0001],
+            solref=_CONTACT_SOLREF,
+            solimp=_PIN_SOLIMP,
+            group=3,
+        )
