@@ -203,11 +203,28 @@ def test_beam_numbers_from_the_differential_equation() -> None:
     assert half(0.6, 0.0, -1.2)[0] == pytest.approx(0.0, abs=1e-9)
     assert half(0.6, 0.0, -1.2)[2] == pytest.approx(math.sin(0.6) / 1.2, rel=1e-9)
     assert audit_beam.smallest_force(0.6) < 1e-9
-    # Analytic: weight takes 4qL/(π²α) off, to first order in the weight.
-    strip = audit_beam.strip(0.4, 0.057, 2e-3)
-    taken = 4.0 * strip.weight_per_length_n_per_m * 0.4 / (math.pi**2 * 0.2)
-    share = audit_beam.weight_share(0.4, 0.057, 2e-3, 0.2)
-    assert share == pytest.approx(taken / strip.euler_load_n, rel=0.03)
+
+
+def test_weight_takes_force_off_by_shooting() -> None:
+    """EI θ'' + P sin θ + q (L/2 − s) cos θ = 0 with EI = L = 1, both end conditions by Newton."""
+    strip = audit_beam.strip(0.4, 0.057, 5e-4)
+    q = strip.weight_per_length_n_per_m * 0.4**3 / strip.bending_stiffness_nm2
+    x = float(audit_beam.elastica.half_distance(0.2, 1.0))
+
+    def misses(u: list[float]) -> list[float]:
+        def slope(s: float, y: list[float]) -> list[float]:
+            bending = -u[0] * math.sin(y[0]) - q * (0.5 - s) * math.cos(y[0])
+            return [y[1], bending, math.cos(y[0])]
+
+        end = integrate.solve_ivp(slope, (0.0, 0.5), [0.2, u[1], 0.0], rtol=1e-11, atol=1e-12)
+        return [end.y[0, -1], end.y[2, -1] - x]
+
+    P = float(optimize.root(misses, [8.0, 0.0], tol=1e-11).x[0])
+    unloaded = float(audit_beam.elastica.end_force(0.2, 1.0, 1.0))
+    # Analytic, to the integrator's tolerance.
+    share = audit_beam.weight_share(0.4, 0.057, 5e-4, 0.2)
+    assert share == pytest.approx(1.0 - P / unloaded, rel=1e-6)
+    assert share > 0.2
 
 
 Section = Callable[[Printed], list[Finding]]

@@ -152,13 +152,19 @@ def force_per_slope(alpha_rad: float = 0.6) -> float:
 
 def weight_share(length_m: float, width_m: float, thickness_m: float, alpha_rad: float) -> float:
     """Return which part of the end force of (1) an aluminium strip's weight takes off."""
-    sheet, state = _held(length_m, width_m, thickness_m, alpha_rad)
+    sheet = strip(length_m, width_m, thickness_m)
+    x = float(elastica.half_distance(alpha_rad, length_m))
+    state = rod.solve_symmetric(
+        sheet.bending_stiffness_nm2, length_m, alpha_rad, x, sheet.weight_per_length_n_per_m
+    )
     return 1.0 - state.end_force_n / _force(sheet, alpha_rad)
 
 
 def chord_stiffness(length_m: float, width_m: float, thickness_m: float, alpha_rad: float) -> float:
     """Return the stiffness [N/mm] of a strip along x, one grip moving, on the zero-moment path."""
-    _, state = _held(length_m, width_m, thickness_m, alpha_rad)
+    sheet = strip(length_m, width_m, thickness_m)
+    x = float(elastica.half_distance(alpha_rad, length_m))
+    state = solve_grips(sheet, np.array([-x, 0.0, alpha_rad] * 2))
     return float(sheet_tangent(state)[0, 0]) / 1e3
 
 
@@ -203,14 +209,6 @@ def lever_share(
     peak = worst_moment(path, _UNIT).moment_nm / _UNIT.bending_stiffness_nm2
     made = lever_m * math.sin(alpha_rad) * _force(sheet, alpha_rad)
     return made / (peak * sheet.bending_stiffness_nm2 / length_m)
-
-
-def _held(
-    length_m: float, width_m: float, thickness_m: float, alpha_rad: float
-) -> tuple[Sheet, rod.RodState]:
-    sheet = strip(length_m, width_m, thickness_m)
-    x = float(elastica.half_distance(alpha_rad, length_m))
-    return sheet, solve_grips(sheet, np.array([-x, 0.0, alpha_rad] * 2))
 
 
 def _force(sheet: Sheet, alpha_rad: float) -> float:
