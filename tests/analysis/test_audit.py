@@ -24,6 +24,7 @@ from dualbend.analysis import (
 from dualbend.analysis.audit import Audit, audit, page
 from dualbend.analysis.audit_row import PAPER, VERDICTS, Finding, Printed, called, finding
 from dualbend.analysis.stability_continuous import ContinuousLoop
+from dualbend.beam import rod
 
 OMEGA, TWO_XI_OMEGA = 4.0 * math.pi, 25.0
 CALLABLE = {
@@ -225,6 +226,45 @@ def test_weight_takes_force_off_by_shooting() -> None:
     share = audit_beam.weight_share(0.4, 0.057, 5e-4, 0.2)
     assert share == pytest.approx(1.0 - P / unloaded, rel=1e-6)
     assert share > 0.2
+
+
+def test_one_grip_moves_against_the_sheet() -> None:
+    """Stiffness by central differences; the moment made by moving one grip, not half of it both."""
+    book = audit_beam.strip(0.61, 0.457, 8e-4)
+    x = float(audit_beam.elastica.half_distance(0.2, 0.61))
+
+    def force(moved: float) -> float:
+        return rod.solve_planar(
+            book.bending_stiffness_nm2,
+            0.61,
+            (-x + moved, 0.0, 0.2),
+            (x, 0.0, 0.2),
+            book.weight_per_length_n_per_m,
+            None,
+            book.axial_stiffness_n,
+        ).end_force_n
+
+    # Discretisation-limited: central differences of second order.
+    slope = (force(1e-6) - force(-1e-6)) / 2e-6
+    assert audit_beam.chord_stiffness(0.61, 0.457, 8e-4, 0.2) == pytest.approx(
+        slope / 1e3, rel=1e-4
+    )
+    strip = audit_beam.strip(0.4, 0.057, 5e-4)
+    EI, at = strip.bending_stiffness_nm2, float(audit_beam.elastica.half_distance(0.4, 0.4))
+    given = 0.15e-3 * float(audit_beam.elastica.end_force(0.4, EI, 0.4))
+    state = rod.solve_planar(EI, 0.4, (-at - given, 0.0, 0.4), (at, 0.0, 0.4))
+    peak = audit_beam.piece_peak(0.2, 2) * EI / 0.4
+    # Analytic: only the distance of the grips counts.
+    made = audit_beam.moment_made(0.4, 0.057, 5e-4, 0.4, 0.15)
+    assert made == pytest.approx(abs(state.end_moment_nm) / peak, rel=1e-6)
+
+
+def test_robust_k_is_what_every_damping_needs_and_five_per_cent() -> None:
+    k = audit_stability.robust_k(11500.0, OMEGA, TWO_XI_OMEGA)
+    grid = np.geomspace(1.0, 2e3, 400)
+    # Analytic: stable for every b at k and at k/1.04, not at k/1.06.
+    assert max(rightmost(b, k / 1.04, 11500.0) for b in grid) < 0.0
+    assert max(rightmost(b, k / 1.06, 11500.0) for b in grid) > 0.0
 
 
 Section = Callable[[Printed], list[Finding]]
