@@ -83,7 +83,7 @@ def run(
     """
     from dualbend.analysis.stability import predict
     from dualbend.run.make import make_run
-    from dualbend.run.output import prepare_folder, uninterrupted
+    from dualbend.run.output import prepare_folder, trace_kept, uninterrupted
     from dualbend.run.scenario import load_scenario
 
     loaded = load_scenario(scenario, settings, seed)
@@ -98,15 +98,23 @@ def run(
             f"({prediction.reason})",
             err=True,
         )
-    with click.progressbar(
-        length=ready.cycles,
-        label=loaded.name,
-        file=sys.stderr,
-        hidden=not sys.stderr.isatty(),
-    ) as bar:
-        result = ready.run(on_cycle=lambda _: bar.update(1))
-    with uninterrupted():
-        failures = _write(result, folder, record)
+    with (
+        click.progressbar(
+            length=ready.cycles,
+            label=loaded.name,
+            file=sys.stderr,
+            hidden=not sys.stderr.isatty(),
+        ) as bar,
+        trace_kept(ready, folder) as keep,
+    ):
+
+        def step(_: int) -> None:
+            bar.update(1)
+            keep()
+
+        result = ready.run(on_cycle=step)
+        with uninterrupted():
+            failures = _write(result, folder, record)
     for failure in failures:
         click.echo(f"dualbend: {failure}", err=True)
     if failures:
@@ -216,6 +224,46 @@ def _show_row(row: Row) -> None:
         f"{verdict}  {row.name:<70}{row.measured:>12.5g}{row.reference:>12.5g} "
         f"{row.unit:<8} {allowed}".rstrip()
     )
+
+
+@main.command()
+@click.option("--scan", is_flag=True, help="Make the table of readings anew first; ten minutes.")
+@click.option("--out", type=click.Path(path_type=Path), help="Markdown file to write.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def audit(scan: bool, out: Path | None, as_json: bool) -> None:
+    """Check the paper's equations and numbers.
+
+    Prints the page, or writes it.
+
+    Example: dualbend audit --out docs/audit.md
+    """
+    from dualbend.analysis.audit import audit as check
+    from dualbend.analysis.audit import page, run_scan
+    from dualbend.analysis.audit_reading import readings
+    from dualbend.errors import InputError
+
+    if scan:
+        with click.progressbar(
+            length=sum(1 for _ in readings()),
+            label="readings",
+            file=sys.stderr,
+            hidden=not sys.stderr.isatty(),
+        ) as bar:
+            run_scan(on_row=lambda _: bar.update(1))
+    found = check()
+    if out is not None:
+        try:
+            out.write_text(page(found), encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
+    if as_json:
+        import msgspec
+
+        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+    elif out is None:
+        click.echo(page(found), nl=False)
+    else:
+        click.echo(f"{len(found.findings())} statements in {out}")
 
 
 @main.command("list")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +32,7 @@ from dualbend.scene.pin_contacts import PinContacts
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
 from dualbend.task.assembly import PHASES, AssemblyTask, Goal, Posture, Sensed
 from dualbend.task.assembly_plan import AssemblyPlan, plan_assembly
+from dualbend.task.assembly_workplace import check_workplace
 from dualbend.task.bending import make_path
 
 Vector = NDArray[np.float64]
@@ -71,6 +73,7 @@ class AssemblyRun(Run):
         self.scenario = scenario
         self.config, sheet = scenario.assembly, scenario.sheet.sheet()
         self._path = make_path(scenario.path, sheet.length_m)
+        self._refuse(scenario, sheet)
         self._believed = sheet
         self.plan = self._make_plan(sheet)
         task = self._make_task()
@@ -78,7 +81,7 @@ class AssemblyRun(Run):
         try:
             cell = RobotCell(scenario, self._pose(task.start), _place(task.start))
         except InputError as error:
-            raise InputError(f"scenario {scenario.name!r}: approach: {error}") from error
+            raise self._out_of_reach("approach", error) from error
         super().__init__(scenario, cell)
         self._foresee(task)
         simulation, layout = cell.simulation, self.config.true_layout()
@@ -88,12 +91,29 @@ class AssemblyRun(Run):
         )
         simulation.watch = self.pins
 
+    def _refuse(self, scenario: Scenario, sheet: Sheet) -> None:
+        """Refuse what no robot could work at, or could not feel."""
+        try:
+            check_workplace(self.config, sheet)
+        except InputError as error:
+            raise InputError(f"scenario {scenario.name!r}: {error}") from error
+        if self.config.compliance is not None and len(scenario.arms.sensing) < len(SIDES):
+            raise InputError(
+                f"scenario {scenario.name!r}: arms.sensing = {list(scenario.arms.sensing)}: "
+                f"assembly.compliance needs the net force of both arms, {list(SIDES)}"
+            )
+
     def _make_plan(self, sheet: Sheet) -> AssemblyPlan:
         """Return the plan of the layout; refuse a bending angle that is not in its range."""
         layout, limits = self.config.layout, self.config.limits
-        plan = plan_assembly(
-            sheet, layout.holes, layout.pins, yield_strain=limits.yield_pa / sheet.young_pa
-        )
+        try:
+            plan = plan_assembly(
+                sheet, layout.holes, layout.pins, yield_strain=limits.yield_pa / sheet.young_pa
+            )
+        except InputError as error:
+            # The planner speaks of holes and pins; here they have their full names.
+            text = re.sub(r"\b(holes|pins)\.", r"assembly.layout.\1.", str(error))
+            raise InputError(f"scenario {self.scenario.name!r}: {text}") from error
         low, high = plan.range.clear_rad, plan.range.highest_rad
         if not low <= self.scenario.path.end_rad <= high:
             raise InputError(
@@ -124,13 +144,19 @@ class AssemblyRun(Run):
             try:
                 q = self.cell.reach(self._pose(posture), q, _place(posture))
             except InputError as error:
-                raise InputError(
-                    f"scenario {self.scenario.name!r}: {phase}: {error}; look at "
-                    f"assembly.layout.stand.y_m = {self.config.layout.stand.y_m}, "
-                    f"cell.base_distance_m = {self.scenario.cell.base_distance_m}"
-                ) from error
+                raise self._out_of_reach(phase, error) from error
             if phase == "lower":
                 self._down, self._down_q = posture, q
+
+    def _out_of_reach(self, phase: str, error: InputError) -> InputError:
+        layout = self.config.layout
+        return InputError(
+            f"scenario {self.scenario.name!r}: {phase}: {error}; look at "
+            f"assembly.layout.stand.y_m = {layout.stand.y_m:g}, "
+            f"assembly.layout.stand.top_m = {layout.stand.top_m:g}, "
+            f"assembly.layout.bed.top_m = {layout.bed.top_m:g}, "
+            f"cell.base_distance_m = {self.scenario.cell.base_distance_m:g}"
+        )
 
     @property
     def cycles(self) -> int:

@@ -7,7 +7,7 @@ import json
 import signal
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,7 +15,8 @@ import mujoco
 import numpy as np
 
 from dualbend.errors import InputError
-from dualbend.run.runner import RunResult
+from dualbend.run.runner import Run, RunResult
+from dualbend.run.trace import TraceStream
 
 
 def prepare_folder(folder: Path) -> None:
@@ -55,6 +56,23 @@ def write_trace(result: RunResult, path: Path) -> None:
         "model_sha256": model_hash(result.model),
     }
     result.trace.write(path, metadata)
+
+
+@contextmanager
+def trace_kept(run: Run, folder: Path) -> Iterator[Callable[[], None]]:
+    """Give what is to be called every cycle so that a killed run leaves ``trace.arrow``.
+
+    The file is gone at the end: ``trace.parquet`` takes its place.
+    """
+    path = folder / "trace.arrow"
+    scenario = run.scenario
+    metadata = {"scenario": scenario.name, "seed": str(scenario.seed), "outcome": "unknown"}
+    stream = TraceStream(path, metadata)
+    try:
+        yield lambda: stream.update(run.trace)
+    finally:
+        stream.close()
+        path.unlink(missing_ok=True)
 
 
 def write_summary(summary: dict[str, object], path: Path) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.control.controller import Command, Reading
+from dualbend.errors import InputError
 from dualbend.scene.arm import JOINTS
 from dualbend.scene.cell import SIDES
 from dualbend.scene.ik import IKSolution
@@ -164,15 +167,73 @@ class Trace:
         """Angles of the bending hinges (rows, hinges) [rad]."""
         return self._bends[: self.rows]
 
-    def table(self, metadata: dict[str, str]) -> pa.Table:
-        """Return the trace as an Arrow table, each field with its unit."""
+    def table(self, metadata: dict[str, str], first: int = 0) -> pa.Table:
+        """Return the trace from row ``first`` on as an Arrow table, each field with its unit."""
         fields = [
             pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit in self.columns
         ]
         schema = pa.schema(fields, metadata={"dualbend": json.dumps(metadata)})
-        arrays = [pa.array(self._table[: self.rows, i]) for i in range(len(fields))]
+        arrays = [pa.array(self._table[first : self.rows, i]) for i in range(len(fields))]
         return pa.Table.from_arrays(arrays, schema=schema)
 
     def write(self, path: Path, metadata: dict[str, str]) -> None:
         """Write the trace as Parquet."""
         pq.write_table(self.table(metadata), path)
+
+
+class TraceStream:
+    """A trace on disk while its run goes on: what was written is there whatever ends the process.
+
+    An Arrow stream, a batch a second; :func:`read_trace` reads it, finished or not.
+    """
+
+    _BATCH_ROWS = round(1.0 / COMMAND_PERIOD_S)
+
+    def __init__(self, path: Path, metadata: dict[str, str]) -> None:
+        self._path, self._metadata = path, metadata
+        self._file = path.open("wb")
+        self._writer: pa.ipc.RecordBatchStreamWriter | None = None
+        self._written = 0
+
+    def update(self, trace: Trace) -> None:
+        """Write what is new, once a second of simulated time."""
+        if trace.rows - self._written < self._BATCH_ROWS:
+            return
+        table = trace.table(self._metadata, self._written)
+        self._written = trace.rows
+        # A disk that is full ends the stream, not the run.
+        with suppress(OSError):
+            if self._writer is None:
+                self._writer = pa.ipc.new_stream(self._file, table.schema)
+            self._writer.write_table(table)
+            self._file.flush()
+
+    def close(self) -> None:
+        """Stop writing; the file stays."""
+        with suppress(OSError):
+            self._file.close()
+
+
+def read_trace(path: Path) -> pa.Table:
+    """Return a run's trace, Parquet or the stream that a killed run left.
+
+    Raises
+    ------
+    InputError
+        The file is neither.
+    """
+    try:
+        if path.suffix == ".parquet":
+            return pq.read_table(path)
+        with path.open("rb") as file, pa.ipc.open_stream(file) as stream:
+            return pa.Table.from_batches(_whole(stream), stream.schema)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise InputError(f"{path}: no trace of a run: {error}") from error
+
+
+def _whole(stream: pa.ipc.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
+    """Yield the batches of a stream whose last one may have been cut off."""
+    try:
+        yield from stream
+    except (OSError, pa.ArrowInvalid):
+        return
