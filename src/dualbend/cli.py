@@ -200,7 +200,7 @@ def beam(
 def validate(as_json: bool) -> None:
     """Measure how far simulation is from theory.
 
-    Takes 20 s; exit code 1 where a row fails.
+    Takes a minute or two; exit code 1 where a row fails.
     """
     from dualbend.analysis.validation import run_validation
 
@@ -320,6 +320,30 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
     click.echo(f"{result.outcome} {result.reason}".rstrip())
     if not result.expected:
         sys.exit(EXIT_UNEXPECTED)
+
+
+@main.command()
+@click.argument("scenario")
+@_SETTINGS
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
+    """Plan an assembly: at which bending angles the holes go over their pins.
+
+    Without a run. A layout that has no such angle is refused with what is missing.
+
+    Example: dualbend plan pwb --set assembly.layout.holes.clearance_m=1e-4
+    """
+    from dualbend.run.assembly_run import assembly_plan
+    from dualbend.run.scenario import load_scenario
+    from dualbend.task.assembly_plan import plan_summary
+
+    loaded = load_scenario(scenario, settings)
+    found = plan_summary(assembly_plan(loaded), loaded.path.end_rad)
+    if as_json:
+        click.echo(json.dumps({name: value for name, (value, _) in found.items()}, indent=2))
+        return
+    for name, (value, unit) in found.items():
+        click.echo(f"{name:<30}{_shown(value):>12}  {unit}")
 
 
 @main.command()

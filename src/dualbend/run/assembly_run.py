@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.beam.sheet import Sheet
 from dualbend.control.alter import COMMAND_PERIOD_S, TransportDelay
 from dualbend.control.controller import ComplianceController, Reading
 from dualbend.control.filters import LowPass
@@ -56,6 +55,41 @@ TASK_COLUMNS: tuple[tuple[str, str], ...] = (
 )
 
 
+def assembly_plan(scenario: Scenario) -> AssemblyPlan:
+    """Return the plan of a scenario's assembly.
+
+    Raises
+    ------
+    InputError
+        There is no assembly in it, no robot could work at its workplace or feel what it does, or
+        the holes do not go over the pins at the bending angle.
+    """
+    config, sheet = scenario.assembly, scenario.sheet.sheet()
+    source = f"scenario {scenario.name!r}"
+    if config is None:
+        raise InputError(f"{source}: no section [assembly]: there is nothing to plan")
+    if config.compliance is not None and len(scenario.arms.sensing) < len(SIDES):
+        raise InputError(
+            f"{source}: arms.sensing = {list(scenario.arms.sensing)}: "
+            f"assembly.compliance needs the net force of both arms, {list(SIDES)}"
+        )
+    strain = config.limits.yield_pa / sheet.young_pa
+    try:
+        check_workplace(config, sheet)
+        plan = plan_assembly(sheet, config.layout.holes, config.layout.pins, yield_strain=strain)
+    except InputError as error:
+        # The planner speaks of holes and pins; here they have their full names.
+        text = re.sub(r"(?<!layout\.)\b(holes|pins)\.", r"assembly.layout.\1.", str(error))
+        raise InputError(f"{source}: {text}") from error
+    low, high = plan.range.clear_rad, plan.range.highest_rad
+    if not low <= scenario.path.end_rad <= high:
+        raise InputError(
+            f"{source}: path.end_rad = {scenario.path.end_rad:g}: the holes go over the pins "
+            f"between {low:.3f} and {high:.3f} rad, best at {plan.bend_rad:.3f} rad"
+        )
+    return plan
+
+
 class AssemblyRun(Run):
     """Two arms lay sheets on the pins.
 
@@ -69,13 +103,12 @@ class AssemblyRun(Run):
     task_columns = TASK_COLUMNS
 
     def __init__(self, scenario: Scenario) -> None:
-        assert scenario.assembly is not None
+        self.plan = assembly_plan(scenario)
         self.scenario = scenario
+        assert scenario.assembly is not None
         self.config, sheet = scenario.assembly, scenario.sheet.sheet()
         self._path = make_path(scenario.path, sheet.length_m)
-        self._refuse(scenario, sheet)
         self._believed = sheet
-        self.plan = self._make_plan(sheet)
         task = self._make_task()
         self._start = task.start
         try:
@@ -90,38 +123,6 @@ class AssemblyRun(Run):
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
         simulation.watch = self.pins
-
-    def _refuse(self, scenario: Scenario, sheet: Sheet) -> None:
-        """Refuse what no robot could work at, or could not feel."""
-        try:
-            check_workplace(self.config, sheet)
-        except InputError as error:
-            raise InputError(f"scenario {scenario.name!r}: {error}") from error
-        if self.config.compliance is not None and len(scenario.arms.sensing) < len(SIDES):
-            raise InputError(
-                f"scenario {scenario.name!r}: arms.sensing = {list(scenario.arms.sensing)}: "
-                f"assembly.compliance needs the net force of both arms, {list(SIDES)}"
-            )
-
-    def _make_plan(self, sheet: Sheet) -> AssemblyPlan:
-        """Return the plan of the layout; refuse a bending angle that is not in its range."""
-        layout, limits = self.config.layout, self.config.limits
-        try:
-            plan = plan_assembly(
-                sheet, layout.holes, layout.pins, yield_strain=limits.yield_pa / sheet.young_pa
-            )
-        except InputError as error:
-            # The planner speaks of holes and pins; here they have their full names.
-            text = re.sub(r"\b(holes|pins)\.", r"assembly.layout.\1.", str(error))
-            raise InputError(f"scenario {self.scenario.name!r}: {text}") from error
-        low, high = plan.range.clear_rad, plan.range.highest_rad
-        if not low <= self.scenario.path.end_rad <= high:
-            raise InputError(
-                f"scenario {self.scenario.name!r}: path.end_rad = {self.scenario.path.end_rad:g}: "
-                f"the holes go over the pins between {low:.3f} and {high:.3f} rad, "
-                f"best at {plan.bend_rad:.3f} rad"
-            )
-        return plan
 
     def _make_task(self) -> AssemblyTask:
         """Return the robots' program, anew: it has a memory."""

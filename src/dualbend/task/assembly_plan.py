@@ -158,6 +158,33 @@ def plan_assembly(
     )
 
 
+def plan_summary(plan: AssemblyPlan, alpha: float) -> dict[str, tuple[float, str]]:
+    """Return what matters of a plan for a bending angle α [rad], each with its unit."""
+    way, unfolding = plan.way, plan.unfolding
+    force, moment = (
+        float(np.interp(alpha, way.alpha_rad, values))
+        for values in (way.end_force_n, way.end_moment_nm)
+    )
+    distance, height = plan.grip(alpha)
+    return {
+        "bending_angle": (alpha, "rad"),
+        "lowest_angle": (plan.range.clear_rad, "rad"),
+        "highest_angle": (plan.range.highest_rad, "rad"),
+        "recommended_angle": (plan.bend_rad, "rad"),
+        "middle_spacing": (plan.spacing_m(alpha), "m"),
+        "middle_slack": (plan.middle_slack_m(alpha), "m"),
+        "outer_lift_above_tips": (plan.outer_lift_m(alpha), "m"),
+        "grip_half_distance": (distance, "m"),
+        "grip_height_above_middle": (height, "m"),
+        "end_force": (force, "N"),
+        "end_moment": (moment, "N m"),
+        "pull_below": (plan.taut_rad, "rad"),
+        "outer_reach_tips_at": (unfolding.reach_rad, "rad"),
+        "outer_offset_there": (unfolding.offset_m, "m"),
+        "tip_guides_up_to": (unfolding.guide_m, "m"),
+    }
+
+
 def _taut(layout: Layout, top: float) -> float:
     """Return the α at which the end force is none; top where the sheet pulls throughout."""
     if not layout.weight:
