@@ -38,6 +38,21 @@ class Blocks:
         """Return this system with its output multiplied."""
         return Blocks(a=self.a, b=self.b, c=matrix @ self.c, d=matrix @ self.d)
 
+    def at(self, z_inverse: ComplexVector) -> ComplexVector:
+        """Return C (z − A)⁻¹ B + D (n, outputs, inputs) where z⁻¹ (n,) is given."""
+        # With A = Q T Qᴴ, T triangular, all frequencies are substituted back at once.
+        triangle, basis = linalg.schur(self.a, output="complex")
+        inward = basis.conj().T @ self.b
+        z = 1.0 / z_inverse
+        states = np.zeros((triangle.shape[0], z.size, self.b.shape[1]), dtype=np.complex128)
+        for i in reversed(range(triangle.shape[0])):
+            above = (triangle[i, i + 1 :, np.newaxis, np.newaxis] * states[i + 1 :]).sum(axis=0)
+            states[i] = (inward[i] + above) / (z - triangle[i, i])[:, np.newaxis]
+        outward = self.c @ basis
+        # Products of this shape are cheaper spelt out than as threaded matrix products.
+        out = [(row[:, np.newaxis, np.newaxis] * states).sum(axis=0) for row in outward]
+        return np.asarray(np.stack(out, axis=1) + self.d)
+
 
 def parallel(parts: Iterable[Blocks]) -> Blocks:
     """Return systems side by side, each with its own input and output."""
