@@ -82,7 +82,9 @@ def _moved_shape(state: RodState, clamp: int) -> Vector:
     shapes = []
     for end, change in zip(ends, (follow, -follow), strict=True):
         moved = end.fields(unknowns + change)
-        along = base.cumulative @ (moved.stretch[:, np.newaxis] * np.stack([moved.cos, -moved.sin], axis=1))
+        along = base.cumulative @ (
+            moved.stretch[:, np.newaxis] * np.stack([moved.cos, -moved.sin], axis=1)
+        )
         shapes.append(along.T.ravel())
     return np.asarray((shapes[0] - shapes[1]) / (2.0 * _SMALL))
 

@@ -6,7 +6,8 @@ bending frame; a stiffness K says that the wrench on the arms changes by −K ti
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,21 +75,27 @@ def environments(
         half_distance, rise = path.at(alpha)
         return np.array([-half_distance, scenario.cell.sheet_height_m + rise, alpha])
 
-    arm = PosedArm(scenario, nominal(scenario.path.start_rad))
+    with _named(scenario.path.start_rad):
+        arm = PosedArm(scenario, nominal(scenario.path.start_rad))
     found: list[Environment] = []
     for alpha in alphas_rad:
-        pose = nominal(float(alpha))
-        try:
+        with _named(alpha):
+            pose = nominal(float(alpha))
             arm.move(pose)
             found.append(_environment(scenario, arm, pose, at_rest=at_rest))
-        except InputError as error:
-            raise InputError(f"path at {alpha:.3f} rad: {error}") from error
     return found
 
 
-def _environment(
-    scenario: Scenario, arm: PosedArm, pose: Vector, *, at_rest: bool
-) -> Environment:
+@contextmanager
+def _named(alpha_rad: float) -> Iterator[None]:
+    """Say of an error at which bending angle it is."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"path at {alpha_rad:.3f} rad: {error}") from error
+
+
+def _environment(scenario: Scenario, arm: PosedArm, pose: Vector, *, at_rest: bool) -> Environment:
     """Return what the loop meets where the arm is posed."""
     alpha = float(pose[2])
     coupling = Coupling.of(scenario, alpha)

@@ -137,7 +137,7 @@ class CommandResponse:
 
     def transfer_function(self) -> TransferFunction:
         """Tell set-point to position at the start of the cycle, in powers of z⁻¹."""
-        from scipy import signal  # 1 s to import, and the loop never asks for this
+        from scipy import signal  # noqa: PLC0415 - 1 s to import, and the loop never asks for this
 
         numerator, denominator = signal.ss2tf(*self.state_space())
         return np.asarray(numerator[0], dtype=np.float64), np.asarray(denominator, dtype=np.float64)

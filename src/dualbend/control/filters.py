@@ -55,7 +55,7 @@ def _design(config: LowPassConfig) -> TransferFunction:
         return np.ones(1), np.ones(1)
     if config.kind == "fir":
         return _windowed_sinc(config), np.ones(1)
-    from scipy import signal  # 1 s to import: not for those who need none of it
+    from scipy import signal  # noqa: PLC0415 - 1 s to import; a FIR needs none of it
 
     numerator, denominator = signal.butter(config.order, config.cutoff_hz, fs=rate_hz)
     return np.asarray(numerator, dtype=np.float64), np.asarray(denominator, dtype=np.float64)
@@ -139,7 +139,7 @@ class LowPass:
     @property
     def minus_3db_hz(self) -> float | None:
         """The lowest frequency of gain 1/√2 [Hz]; None when no frequency has it."""
-        from scipy import optimize
+        from scipy import optimize  # noqa: PLC0415 - slow to import, and only asked for in reports
 
         def excess(frequency_hz: float) -> float:
             return self.gain(frequency_hz) - math.sqrt(0.5)

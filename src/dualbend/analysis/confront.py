@@ -1,0 +1,306 @@
+"""Prediction against simulation: the onset of the oscillation, bisected in the full simulation.
+
+On rays in the (b, k) plane, at bending angles that are held, one axis at a time: the b at which a
+small disturbance neither grows nor dies out, beside what the three analyses say of it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from dualbend.analysis.confront_prediction import RayLoop
+from dualbend.analysis.confront_run import Oscillation, SingleAxis, held, oscillate
+from dualbend.errors import InputError
+from dualbend.run.scenario import Scenario
+
+RAYS_PER_S: tuple[float, ...] = (5.0, 20.0, 80.0, 1600.0)
+"""k/b of the default rays [1/s]: the filter's pole is 0.87, 0.57, 0.11 and 0."""
+
+ANGLES_RAD: tuple[float, ...] = (0.2, 0.5, 0.8)
+AXES: tuple[SingleAxis, ...] = ("x", "rotation")
+
+TOLERANCE = 0.01
+"""How far the ends of a bisected interval are apart, relative."""
+
+RATES_AT = (0.9, 1.1)
+"""Where growth rates are compared, as parts of the simulated onset: unstable and stable."""
+
+_BRACKET, _WIDENINGS = 1.3, 8
+RESULTS = "confrontation.json"
+
+
+class Rate(msgspec.Struct, frozen=True, kw_only=True):
+    """Growth rates [1/s] at one b; the simulated one is null where no stretch of the run tells."""
+
+    b: float
+    predicted_per_s: float
+    simulated_per_s: float | None
+
+
+class Simulated(msgspec.Struct, frozen=True, kw_only=True):
+    """What the bisection found: b, the unstable and the stable end of its interval, and more.
+
+    ``frequency_hz`` at the unstable end; ``remains``: rms of the deviation [m] or [rad] that stays
+    at 1.1 times the onset, where a linear loop would rest.
+    """
+
+    b: float
+    unstable_b: float
+    stable_b: float
+    frequency_hz: float
+    remains: float
+    rates: tuple[Rate, ...]
+    runs: int
+
+
+class Case(msgspec.Struct, frozen=True, kw_only=True):
+    """One axis at one angle on one ray; b in the axis's own units.
+
+    ``*_b``: onset by each analysis; ``sampled_hz``: of the sampled loop at its own onset,
+    ``same_gains_hz``: with the gains at which the simulation oscillates; ``simulated``: with dry
+    friction, as the scenario runs; ``frictionless``: without that of the joints, null where it was
+    not asked for.
+    """
+
+    key: str
+    axis: SingleAxis
+    alpha_rad: float
+    ratio_per_s: float
+    paper_b: float
+    delayed_b: float
+    sampled_b: float
+    sampled_hz: float
+    same_gains_hz: float
+    simulated: Simulated
+    frictionless: Simulated | None
+
+    def error(self, analysis: str) -> float:
+        """Return predicted over simulated onset, less 1; positive is an early warning."""
+        predicted: float = getattr(self, f"{analysis}_b")
+        return predicted / self.simulated.b - 1.0
+
+    @property
+    def frequency_error(self) -> float:
+        """Return predicted over simulated frequency with the same gains, less 1."""
+        return self.same_gains_hz / self.simulated.frequency_hz - 1.0
+
+
+class Confrontation(msgspec.Struct, frozen=True, kw_only=True):
+    """All cases of one scenario, in the order that was asked for."""
+
+    scenario: str
+    cases: tuple[Case, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Task:
+    """What one process works on."""
+
+    scenario: Scenario
+    axis: SingleAxis
+    alpha_rad: float
+    ratio_per_s: float
+    frictionless: bool
+
+    @property
+    def key(self) -> str:
+        """A digest of everything that the case depends on."""
+        held_at = held(self.scenario, self.axis, self.alpha_rad, (1.0, self.ratio_per_s))
+        text = f"{held_at.to_toml()}{self.frictionless}{TOLERANCE}{RATES_AT}"
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def confront(
+    scenario: Scenario,
+    *,
+    rays: Sequence[float] = RAYS_PER_S,
+    angles: Sequence[float] = ANGLES_RAD,
+    axes: Sequence[SingleAxis] = AXES,
+    frictionless: bool = True,
+    workers: int | None = None,
+    folder: Path | None = None,
+    progress: Callable[[int, int, Case], None] | None = None,
+) -> Confrontation:
+    """Bisect the simulated onset on every ray k/b [1/s], at every angle [rad], for every axis.
+
+    ``frictionless`` also without the joints' dry friction; ``workers`` processes at most, by
+    default as many as there are cores. With a ``folder`` every case is kept there as soon as it is
+    found, and what is there already of the same scenario is not done again. ``progress`` is called
+    with how many are done, of how many, and the case.
+
+    Raises InputError where there is nothing to confront, a ray or angle is no positive number, the
+    scenario has no such axis, an onset is not found, or the folder cannot be written.
+    """
+    tasks = _tasks(scenario, rays, angles, axes, frictionless=frictionless)
+    known = _kept(folder)
+    cases = {task.key: known[task.key] for task in tasks if task.key in known}
+    missing = [task for task in tasks if task.key not in cases]
+    for case in _worked(missing, workers if workers is not None else os.cpu_count() or 1):
+        cases[case.key] = case
+        if folder is not None:
+            _keep(folder, {**known, **cases})
+        if progress is not None:
+            progress(len(cases), len(tasks), case)
+    return Confrontation(scenario=scenario.name, cases=tuple(cases[task.key] for task in tasks))
+
+
+def _tasks(
+    scenario: Scenario,
+    rays: Sequence[float],
+    angles: Sequence[float],
+    axes: Sequence[SingleAxis],
+    *,
+    frictionless: bool,
+) -> list[_Task]:
+    for name, values in (("rays", rays), ("angles", angles), ("axes", axes)):
+        if not values:
+            raise InputError(f"{name}: none given, nothing to confront")
+    for name, numbers in (("rays", rays), ("angles", angles)):
+        for value in numbers:
+            if not 0.0 < value < math.inf:
+                raise InputError(f"{name}: {value!r} must be positive and finite")
+    if not scenario.arms.complying:
+        raise InputError("arms.complying = []: no compliance, nothing to confront")
+    tasks = [
+        _Task(
+            scenario=scenario,
+            axis=axis,
+            alpha_rad=float(alpha),
+            ratio_per_s=float(ray),
+            frictionless=frictionless,
+        )
+        for axis in axes
+        for alpha in angles
+        for ray in rays
+    ]
+    # Refuses here, and not in a process, an axis that is off and an angle without room.
+    return list({task.key: task for task in tasks}.values())
+
+
+def _worked(tasks: Sequence[_Task], workers: int) -> Iterator[Case]:
+    """Yield the cases as they are found."""
+    if workers < 1:
+        raise InputError(f"workers = {workers}: must be at least 1")
+    if workers == 1 or len(tasks) < 2:
+        yield from map(work, tasks)
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=context) as pool:
+        futures = [pool.submit(work, task) for task in tasks]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        finally:
+            for future in futures:
+                future.cancel()
+
+
+def work(task: _Task) -> Case:
+    """Predict and bisect one case."""
+    ray = RayLoop(task.scenario, task.axis, task.alpha_rad, task.ratio_per_s)
+    predicted = ray.predict()
+    found = [
+        _bisected(ray, task.axis, predicted.sampled, friction=friction)
+        for friction in ((True, False) if task.frictionless else (True,))
+    ]
+    return Case(
+        key=task.key,
+        axis=task.axis,
+        alpha_rad=task.alpha_rad,
+        ratio_per_s=task.ratio_per_s,
+        paper_b=predicted.paper,
+        delayed_b=predicted.delayed,
+        sampled_b=predicted.sampled,
+        sampled_hz=predicted.frequency_hz,
+        same_gains_hz=ray.mode(found[0].unstable_b).frequency_hz,
+        simulated=found[0],
+        frictionless=found[1] if task.frictionless else None,
+    )
+
+
+def _bisected(ray: RayLoop, axis: SingleAxis, guess: float, *, friction: bool) -> Simulated:
+    seen: dict[float, Oscillation] = {}
+
+    def run(b: float) -> Oscillation:
+        seen[b] = oscillate(ray.held(b), axis, friction=friction)
+        return seen[b]
+
+    low, high = bracketed(lambda b: run(b).grows, guess)
+    onset = math.sqrt(low * high)
+    after = [run(part * onset) for part in RATES_AT]
+    rates = tuple(
+        Rate(
+            b=part * onset,
+            predicted_per_s=ray.mode(part * onset).growth_per_s,
+            simulated_per_s=found.growth_per_s if math.isfinite(found.growth_per_s) else None,
+        )
+        for part, found in zip(RATES_AT, after, strict=True)
+    )
+    return Simulated(
+        b=onset,
+        unstable_b=low,
+        stable_b=high,
+        frequency_hz=seen[low].frequency_hz,
+        remains=after[-1].final,
+        rates=rates,
+        runs=len(seen),
+    )
+
+
+def bracketed(grows: Callable[[float], bool], guess: float) -> tuple[float, float]:
+    """Return b that grows and, 1 % above, b that does not; the guess is only where to begin.
+
+    Raises InputError where no change is found within a factor of eight.
+    """
+    low = high = guess
+    step = _BRACKET
+    if grows(guess):
+        for _ in range(_WIDENINGS):
+            high = low * step
+            if not grows(high):
+                break
+            low = high
+        else:
+            raise InputError(f"no onset between b = {guess:.3g} and {high:.3g}: all oscillate")
+    else:
+        for _ in range(_WIDENINGS):
+            low = high / step
+            if grows(low):
+                break
+            high = low
+        else:
+            raise InputError(f"no onset between b = {low:.3g} and {guess:.3g}: none oscillates")
+    while high > low * (1.0 + TOLERANCE):
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if grows(middle) else (low, middle)
+    return low, high
+
+
+def _kept(folder: Path | None) -> dict[str, Case]:
+    """Return what an earlier call left; a file that is not ours is begun anew."""
+    if folder is None:
+        return {}
+    with suppress(OSError, msgspec.MsgspecError):
+        cases = msgspec.json.decode((folder / RESULTS).read_bytes(), type=list[Case])
+        return {case.key: case for case in cases}
+    return {}
+
+
+def _keep(folder: Path, cases: dict[str, Case]) -> None:
+    partial = folder / f"{RESULTS}.partial"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        partial.write_bytes(msgspec.json.format(msgspec.json.encode(list(cases.values()))))
+        partial.replace(folder / RESULTS)
+    except OSError as error:
+        raise InputError(f"--out {folder}: cannot be written: {error.strerror}") from error
