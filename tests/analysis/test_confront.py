@@ -11,16 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from dualbend.analysis import confront as module
-from dualbend.analysis.confront import (
-    Case,
-    Rate,
-    Simulated,
-    bracketed,
-    confront,
-)
+from dualbend.analysis.confront import bracketed, confront
 from dualbend.analysis.confront_filters import filters_compared
 from dualbend.analysis.confront_prediction import RayLoop
 from dualbend.analysis.confront_report import report, summary
+from dualbend.analysis.confront_results import RESULTS, Case, Confrontation, Rate, Simulated
 from dualbend.analysis.confront_run import dominant_frequency, held, judge, oscillate
 from dualbend.analysis.figures_confront import plot_confrontation
 from dualbend.control.alter import COMMAND_PERIOD_S
@@ -193,15 +188,15 @@ def test_what_is_found_is_kept_and_not_done_again(
     # Another scenario is another case.
     confront(load_scenario("fig9", ["alter.delay_cycles=3"]), **given, folder=tmp_path)  # type: ignore[arg-type]
     assert len(done) == 5
-    (tmp_path / module.RESULTS).write_text("{", encoding="utf-8")
+    (tmp_path / RESULTS).write_text("{", encoding="utf-8")
     confront(FIG9, **given, folder=tmp_path)  # type: ignore[arg-type]
     assert len(done) == 7
     with pytest.raises(InputError, match="cannot be written"):
-        confront(FIG9, **given, folder=tmp_path / module.RESULTS)  # type: ignore[arg-type]
+        confront(FIG9, **given, folder=tmp_path / RESULTS)  # type: ignore[arg-type]
 
 
 def test_errors_are_told_with_their_sign(tmp_path: Path) -> None:
-    found = module.Confrontation(scenario="fig9", cases=(a_case("a", 5.0), a_case("b", 80.0)))
+    found = Confrontation(scenario="fig9", cases=(a_case("a", 5.0), a_case("b", 80.0)))
     # Analytic: 0.55 of 0.5, 0.05 of 0.5, 2.6 of 2.5, 0.6 less 0.5.
     text = summary(found)
     assert "x, sampled: onset median error 10.0 %, worst +10.0 % (n = 2)" in text
@@ -213,4 +208,4 @@ def test_errors_are_told_with_their_sign(tmp_path: Path) -> None:
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(InputError, match="cannot be written"):
         plot_confrontation(FIG9, found, tmp_path / "nowhere" / "map.png")
-    assert msgspec.json.decode(msgspec.json.encode(found), type=module.Confrontation) == found
+    assert msgspec.json.decode(msgspec.json.encode(found), type=Confrontation) == found

@@ -12,13 +12,11 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
-
 from dualbend.analysis.confront_prediction import RayLoop
+from dualbend.analysis.confront_results import Case, Confrontation, Rate, Simulated, keep, kept
 from dualbend.analysis.confront_run import Oscillation, SingleAxis, held, oscillate
 from dualbend.errors import InputError
 from dualbend.run.scenario import Scenario
@@ -35,71 +33,7 @@ TOLERANCE = 0.01
 RATES_AT = (0.9, 1.1)
 """Where growth rates are compared, as parts of the simulated onset: unstable and stable."""
 
-_BRACKET, _WIDENINGS = 1.3, 8
-RESULTS = "confrontation.json"
-
-
-class Rate(msgspec.Struct, frozen=True, kw_only=True):
-    """Growth rates [1/s] at one b; the simulated one is null where no stretch of the run tells."""
-
-    b: float
-    predicted_per_s: float
-    simulated_per_s: float | None
-
-
-class Simulated(msgspec.Struct, frozen=True, kw_only=True):
-    """What the bisection found: b, the unstable and the stable end of its interval, and more.
-
-    ``frequency_hz`` at the unstable end; ``remains``: rms of the deviation [m] or [rad] that stays
-    at 1.1 times the onset, where a linear loop would rest.
-    """
-
-    b: float
-    unstable_b: float
-    stable_b: float
-    frequency_hz: float
-    remains: float
-    rates: tuple[Rate, ...]
-    runs: int
-
-
-class Case(msgspec.Struct, frozen=True, kw_only=True):
-    """One axis at one angle on one ray; b in the axis's own units.
-
-    ``*_b``: onset by each analysis; ``sampled_hz``: of the sampled loop at its own onset,
-    ``same_gains_hz``: with the gains at which the simulation oscillates; ``simulated``: with dry
-    friction, as the scenario runs; ``frictionless``: without that of the joints, null where it was
-    not asked for.
-    """
-
-    key: str
-    axis: SingleAxis
-    alpha_rad: float
-    ratio_per_s: float
-    paper_b: float
-    delayed_b: float
-    sampled_b: float
-    sampled_hz: float
-    same_gains_hz: float
-    simulated: Simulated
-    frictionless: Simulated | None
-
-    def error(self, analysis: str) -> float:
-        """Return predicted over simulated onset, less 1; positive is an early warning."""
-        predicted: float = getattr(self, f"{analysis}_b")
-        return predicted / self.simulated.b - 1.0
-
-    @property
-    def frequency_error(self) -> float:
-        """Return predicted over simulated frequency with the same gains, less 1."""
-        return self.same_gains_hz / self.simulated.frequency_hz - 1.0
-
-
-class Confrontation(msgspec.Struct, frozen=True, kw_only=True):
-    """All cases of one scenario, in the order that was asked for."""
-
-    scenario: str
-    cases: tuple[Case, ...]
+_BRACKET, _WIDENINGS, _SMALLER = 1.3, 8, 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,13 +76,13 @@ def confront(
     scenario has no such axis, an onset is not found, or the folder cannot be written.
     """
     tasks = _tasks(scenario, rays, angles, axes, frictionless=frictionless)
-    known = _kept(folder)
+    known = kept(folder)
     cases = {task.key: known[task.key] for task in tasks if task.key in known}
     missing = [task for task in tasks if task.key not in cases]
     for case in _worked(missing, workers if workers is not None else os.cpu_count() or 1):
         cases[case.key] = case
         if folder is not None:
-            _keep(folder, {**known, **cases})
+            keep(folder, {**known, **cases})
         if progress is not None:
             progress(len(cases), len(tasks), case)
     return Confrontation(scenario=scenario.name, cases=tuple(cases[task.key] for task in tasks))
@@ -237,7 +171,12 @@ def _bisected(ray: RayLoop, axis: SingleAxis, guess: float, *, friction: bool) -
 
     low, high = bracketed(lambda b: run(b).grows, guess)
     onset = math.sqrt(low * high)
-    after = [run(part * onset) for part in RATES_AT]
+    # Without friction a small disturbance has more room to grow before the bound.
+    small = 1.0 if friction else _SMALLER
+    after = [
+        oscillate(ray.held(part * onset, small if part < 1.0 else 1.0), axis, friction=friction)
+        for part in RATES_AT
+    ]
     rates = tuple(
         Rate(
             b=part * onset,
@@ -253,11 +192,13 @@ def _bisected(ray: RayLoop, axis: SingleAxis, guess: float, *, friction: bool) -
         frequency_hz=seen[low].frequency_hz,
         remains=after[-1].final,
         rates=rates,
-        runs=len(seen),
+        runs=len(seen) + len(after),
     )
 
 
-def bracketed(grows: Callable[[float], bool], guess: float) -> tuple[float, float]:
+def bracketed(
+    grows: Callable[[float], bool], guess: float, tolerance: float = TOLERANCE
+) -> tuple[float, float]:
     """Return b that grows and, 1 % above, b that does not; the guess is only where to begin.
 
     Raises InputError where no change is found within a factor of eight.
@@ -280,27 +221,7 @@ def bracketed(grows: Callable[[float], bool], guess: float) -> tuple[float, floa
             high = low
         else:
             raise InputError(f"no onset between b = {low:.3g} and {guess:.3g}: none oscillates")
-    while high > low * (1.0 + TOLERANCE):
+    while high > low * (1.0 + tolerance):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if grows(middle) else (low, middle)
     return low, high
-
-
-def _kept(folder: Path | None) -> dict[str, Case]:
-    """Return what an earlier call left; a file that is not ours is begun anew."""
-    if folder is None:
-        return {}
-    with suppress(OSError, msgspec.MsgspecError):
-        cases = msgspec.json.decode((folder / RESULTS).read_bytes(), type=list[Case])
-        return {case.key: case for case in cases}
-    return {}
-
-
-def _keep(folder: Path, cases: dict[str, Case]) -> None:
-    partial = folder / f"{RESULTS}.partial"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(msgspec.json.format(msgspec.json.encode(list(cases.values()))))
-        partial.replace(folder / RESULTS)
-    except OSError as error:
-        raise InputError(f"--out {folder}: cannot be written: {error.strerror}") from error

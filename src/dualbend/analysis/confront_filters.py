@@ -21,6 +21,9 @@ FILTERS: tuple[LowPassConfig, ...] = (
 )
 """None, two FIR and the Butterworth, at the 10 Hz of the paper."""
 
+_TOLERANCE = 0.003
+"""Of the onset: a loss is a difference of two."""
+
 
 class FilterCase(msgspec.Struct, frozen=True, kw_only=True):
     """One filter: onset b, and the part of the first filter's stable gain that it costs.
@@ -42,6 +45,7 @@ def filters_compared(
     alpha_rad: float = 0.2,
     ratio_per_s: float = 80.0,
     filters: Sequence[LowPassConfig] = FILTERS,
+    friction: bool = True,
 ) -> tuple[FilterCase, ...]:
     """Bisect the onset with one filter after another, on one ray at one angle.
 
@@ -56,9 +60,9 @@ def filters_compared(
         predicted = ray.predict().sampled
 
         def grows(b: float, ray: RayLoop = ray) -> bool:
-            return oscillate(ray.held(b), axis).grows
+            return oscillate(ray.held(b), axis, friction=friction).grows
 
-        low, high = bracketed(grows, predicted)
+        low, high = bracketed(grows, predicted, _TOLERANCE)
         onsets.append((predicted, (low * high) ** 0.5))
     first = onsets[0]
     return tuple(

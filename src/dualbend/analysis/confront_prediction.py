@@ -14,8 +14,9 @@ import numpy as np
 from dualbend.analysis.confront_run import SingleAxis, held
 from dualbend.analysis.stability_continuous import delayed_loop, largest_stiffness
 from dualbend.analysis.stability_coupling import ModeName
-from dualbend.analysis.stability_loop import LoopElements, Mode, SampledLoop
+from dualbend.analysis.stability_loop import LoopElements, SampledLoop
 from dualbend.analysis.stability_margins import FREQUENCIES_HZ, Z_INVERSE, margins
+from dualbend.analysis.stability_mode import Mode
 from dualbend.analysis.stability_stiffness import Environment, environments
 from dualbend.control.admittance import Admittance
 from dualbend.run.scenario import Scenario
@@ -62,9 +63,9 @@ class RayLoop:
         other._ratio = ratio_per_s
         return other
 
-    def held(self, b: float) -> Scenario:
-        """Return the scenario of the simulation with this b."""
-        return held(self._scenario, self._axis, self._alpha, (b, self._ratio * b))
+    def held(self, b: float, part: float = 1.0) -> Scenario:
+        """Return the scenario of the simulation with this b and part of the disturbance."""
+        return held(self._scenario, self._axis, self._alpha, (b, self._ratio * b), part)
 
     def mode(self, b: float) -> Mode:
         """Return the dominant mode of the sampled loop at this b."""

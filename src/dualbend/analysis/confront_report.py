@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dualbend.analysis.confront import Case, Confrontation
 from dualbend.analysis.confront_filters import FilterCase
+from dualbend.analysis.confront_results import Case, Confrontation
 
 _ANALYSES = ("sampled", "delayed", "paper")
 _NAMES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}

@@ -29,7 +29,7 @@ from dualbend.task.bending import MotionConfig, PathConfig
 Vector = NDArray[np.float64]
 SingleAxis = Literal["x", "rotation"]
 
-STEP_RAD: dict[SingleAxis, float] = {"x": 0.002, "rotation": 0.03}
+_STEP_RAD, _STEP_PART = 0.02, 0.01
 """The disturbance: small for the sheet, large for what dry friction does about standstill."""
 
 SETTLE_S, HOLD_S, WINDOW_S = 1.0, 6.0, 0.7
@@ -53,10 +53,21 @@ class Oscillation:
     final: float
 
 
+def disturbance(axis: SingleAxis, alpha_rad: float) -> float:
+    """Return the step of the bending angle [rad]: along x a flat sheet is linear for less."""
+    return _STEP_RAD if axis == "rotation" else _STEP_PART * alpha_rad
+
+
 def held(
-    scenario: Scenario, axis: SingleAxis, alpha_rad: float, gains: tuple[float, float]
+    scenario: Scenario,
+    axis: SingleAxis,
+    alpha_rad: float,
+    gains: tuple[float, float],
+    part: float = 1.0,
 ) -> Scenario:
     """Return the scenario held at a bending angle with one axis at b and k [its own units].
+
+    ``part`` of the usual disturbance, to have more room for growth.
 
     Raises InputError for gains that are not positive, an angle without room for the step and an
     axis that the scenario does not have.
@@ -65,7 +76,7 @@ def held(
     for name, value in (("b", b), ("k", k)):
         if not 0.0 < value < math.inf:
             raise InputError(f"compliance.{axis}.{name} = {value!r}: must be positive and finite")
-    step = STEP_RAD[axis]
+    step = part * disturbance(axis, alpha_rad)
     if not alpha_rad > 2.0 * step:
         raise InputError(f"angle {alpha_rad!r}: must be above {2.0 * step} rad")
     given = scenario.compliance.x if axis == "x" else scenario.compliance.rotation
@@ -126,15 +137,16 @@ def judge(deviation: Vector, planned: int, limit: float) -> Oscillation:
     size = parts.std(axis=1)
     first, final = float(size[0]), float(size[-1])
     cap = _AT_BOUND * limit
-    bounded = final > cap
+    # Friction and bound make an oscillation wax and wane: what counts is whether it comes back.
+    later = float(size[size.size // 2 :].max())
+    grows = later > min(first, cap)
     # What the bound holds, and what comes near the remainder that friction keeps, tells no rate.
-    decays = not bounded and final <= first
-    telling = size > min(3.0 * final, math.sqrt(first * final)) if decays else size < cap
+    telling = size < cap if grows else size > min(3.0 * final, math.sqrt(first * final))
     stop = int(np.argmin(telling)) if not telling.all() else size.size
     times = COMMAND_PERIOD_S * np.arange(stop)
     rate = float(np.polyfit(times, np.log(size[:stop]), 1)[0]) if stop >= window else math.nan
     return Oscillation(
-        grows=bounded or final > first,
+        grows=grows,
         growth_per_s=rate,
         frequency_hz=dominant_frequency(deviation[deviation.size // 2 :]),
         final=final,

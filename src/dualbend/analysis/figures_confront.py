@@ -13,8 +13,8 @@ mpl.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dualbend.analysis.confront import Case, Confrontation
 from dualbend.analysis.confront_prediction import RayLoop
+from dualbend.analysis.confront_results import Case, Confrontation
 from dualbend.analysis.stability_map import gain_units
 from dualbend.errors import InputError
 from dualbend.run.scenario import Scenario

@@ -12,8 +12,9 @@ import numpy as np
 
 from dualbend.analysis.stability_continuous import delayed_loop, paper_loop
 from dualbend.analysis.stability_coupling import ModeName
-from dualbend.analysis.stability_loop import AxisName, LoopElements, Mode, SampledLoop
+from dualbend.analysis.stability_loop import AxisName, LoopElements, SampledLoop
 from dualbend.analysis.stability_margins import Sweep, loop_margins
+from dualbend.analysis.stability_mode import Mode
 from dualbend.analysis.stability_stiffness import Environment, environments
 from dualbend.run.scenario import Scenario
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dualbend.analysis.stability_arm import YieldingArm
 from dualbend.analysis.stability_blocks import Blocks, parallel, rational, realised
+from dualbend.analysis.stability_mode import Mode, describe_mode
 from dualbend.control.admittance import DEG_PER_RAD, MM_PER_M, Admittance, AdmittanceAxis
 from dualbend.control.alter import (
     COMMAND_PERIOD_S,
@@ -127,24 +128,6 @@ def _actuator(elements: LoopElements) -> Blocks:
         c, d = response.outputs_at(row)
     robot = realised(elements.delay.transfer_function()).then(Blocks(a=a, b=b, c=c, d=d))
     return robot.then(parallel([realised(TransportDelay(cycles, 1).transfer_function())] * 2))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Mode:
-    """The eigenvalue of the cycle that decides: the largest |z|, and what it is in time.
-
-    Growth rate ln|z|/T [1/s], frequency |arg z|/(2πT) [Hz], damping ratio −Re s/|s| of s = ln z/T.
-    """
-
-    spectral_radius: float
-    growth_per_s: float
-    frequency_hz: float
-    damping_ratio: float
-
-    @property
-    def stable(self) -> bool:
-        """All eigenvalues are inside the unit circle."""
-        return self.spectral_radius < 1.0
 
 
 class SampledLoop:
@@ -262,19 +245,3 @@ class SampledLoop:
         filtered = rational(self.elements.low_pass.transfer_function(), z_inverse)
         late = z_inverse ** (self.elements.delay.cycles + self._cycles_of_age)
         return np.asarray(-self._cycle.at(z_inverse) * (filtered * late)[:, None, None])
-
-
-def describe_mode(z: complex) -> Mode:
-    """Return what an eigenvalue of one cycle means in time."""
-    radius = abs(z)
-    if radius < 1e-12:
-        return Mode(
-            spectral_radius=radius, growth_per_s=-math.inf, frequency_hz=0.0, damping_ratio=1.0
-        )
-    s = complex(math.log(radius), abs(math.atan2(z.imag, z.real))) / COMMAND_PERIOD_S
-    return Mode(
-        spectral_radius=radius,
-        growth_per_s=s.real,
-        frequency_hz=s.imag / (2.0 * math.pi),
-        damping_ratio=-s.real / abs(s) if s else 0.0,
-    )

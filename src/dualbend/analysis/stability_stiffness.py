@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.analysis.stability_arm import YieldingArm
+from dualbend.analysis.stability_arm import Joints, YieldingArm
 from dualbend.analysis.stability_coupling import Coupling, ModeName
 from dualbend.analysis.stability_equilibrium import rest, sheet_mass, sheet_tangent
 from dualbend.analysis.stability_pose import PosedArm
@@ -109,6 +109,8 @@ def _environment(scenario: Scenario, arm: PosedArm, pose: Vector, *, at_rest: bo
     gives = [arm.compliance * float(i in coupling.source) + arm.grasp for i in range(2)]
     series = in_series(tangent, _on_both(*gives))
     tool = arm.tool_inertia()
+    behind_pads = in_series(tangent, _on_both(arm.grasp, arm.grasp))
+    felt = tool * float(coupling.feels_itself)
     return Environment(
         alpha_rad=alpha,
         settled=state.settled,
@@ -119,20 +121,14 @@ def _environment(scenario: Scenario, arm: PosedArm, pose: Vector, *, at_rest: bo
         inertia=coupling.tool(tool),
         loops=coupling.loops(series),
         rigid_loops=coupling.loops(tangent),
-        arms=_yielding(
-            arm,
-            coupling,
-            in_series(tangent, _on_both(arm.grasp, arm.grasp)),
-            sheet_mass(sheet, state.state),
-        ),
+        arms=_yielding(arm.joints(), coupling, felt, behind_pads, sheet_mass(sheet, state.state)),
     )
 
 
 def _yielding(
-    arm: PosedArm, coupling: Coupling, stiffness: Vector, mass: Vector
+    joints: Joints, coupling: Coupling, tool: Vector, stiffness: Vector, mass: Vector
 ) -> dict[ModeName, YieldingArm]:
     """Return the moving arm for each way, from what the grips meet behind their pads (6, 6)."""
-    joints, tool = arm.joints(), arm.tool_inertia() * float(coupling.feels_itself)
     springs, masses = coupling.ways(stiffness), coupling.ways(mass)
     return {
         way: YieldingArm(
