@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from dualbend.analysis.confront_filters import FilterCase
 from dualbend.analysis.confront_results import Case, Confrontation
+from dualbend.errors import InputError
 
 _ANALYSES = ("sampled", "delayed", "paper")
 _NAMES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}
@@ -27,6 +29,15 @@ def describe_case(case: Case) -> str:
 def report(found: Confrontation) -> str:
     """Return the whole result as Markdown."""
     return "\n".join([f"# {found.scenario}: prediction against simulation", "", *_table(found)])
+
+
+def write_report(found: Confrontation, folder: Path) -> None:
+    """Write the report beside the cases; InputError where that fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "confrontation.md").write_text(report(found), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--out {folder}: cannot be written: {error.strerror}") from error
 
 
 def summary(found: Confrontation) -> str:
