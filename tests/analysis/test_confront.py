@@ -89,6 +89,16 @@ def test_a_ray_scales_the_loop_and_the_onset_is_on_the_unit_circle() -> None:
     assert found.paper < found.sampled
 
 
+def test_two_sensing_arms_are_looked_at_as_they_are_disturbed() -> None:
+    both = load_scenario(
+        "fig9", ['arms.complying=["left","right"]', 'arms.sensing=["left","right"]']
+    )
+    led = load_scenario("fig9", ['arms.complying=["left","right"]'])
+    onsets = [RayLoop(s, "rotation", 0.5, 80.0).predict().sampled for s in (both, led)]
+    # Analytic: alike, both arms move as one that the other mirrors.
+    assert onsets[0] == pytest.approx(onsets[1], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("axis", "b", "ratio"), [("rotation", 0.008, 1600.0), ("rotation", 0.008, 20.0)]
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import statistics
 from collections.abc import Sequence
 
 import msgspec
@@ -23,6 +25,9 @@ FILTERS: tuple[LowPassConfig, ...] = (
 
 _TOLERANCE = 0.003
 """Of the onset: a loss is a difference of two."""
+
+_PARTS = (0.7, 1.0, 1.4)
+"""Of the disturbance: dry friction scatters an onset by some per cent, the median less so."""
 
 
 class FilterCase(msgspec.Struct, frozen=True, kw_only=True):
@@ -58,12 +63,8 @@ def filters_compared(
         changed = msgspec.structs.replace(scenario, filter=low_pass)
         ray = RayLoop(changed, axis, alpha_rad, ratio_per_s)
         predicted = ray.predict().sampled
-
-        def grows(b: float, ray: RayLoop = ray) -> bool:
-            return oscillate(ray.held(b), axis, friction=friction).grows
-
-        low, high = bracketed(grows, predicted, _TOLERANCE)
-        onsets.append((predicted, (low * high) ** 0.5))
+        found = [_onset(ray, axis, predicted, part, friction=friction) for part in _PARTS]
+        onsets.append((predicted, statistics.median(found)))
     first = onsets[0]
     return tuple(
         FilterCase(
@@ -75,6 +76,15 @@ def filters_compared(
         )
         for low_pass, (predicted, simulated) in zip(filters, onsets, strict=True)
     )
+
+
+def _onset(ray: RayLoop, axis: SingleAxis, guess: float, part: float, *, friction: bool) -> float:
+    """Return the simulated onset b for one size of the disturbance."""
+
+    def grows(b: float) -> bool:
+        return oscillate(ray.held(b, part), axis, friction=friction).grows
+
+    return math.sqrt(math.prod(bracketed(grows, guess, _TOLERANCE)))
 
 
 def _name(config: LowPassConfig) -> str:

@@ -39,6 +39,9 @@ class RayPrediction:
 class RayLoop:
     """One axis held at one bending angle, for gains on a ray k = ``ratio_per_s`` b.
 
+    Of two arms that each follow their own sensor it is the loop in which they move alike: the
+    disturbance is the same for both.
+
     Raises InputError as :func:`dualbend.analysis.confront_run.held` and the prediction do.
     """
 
@@ -110,6 +113,7 @@ class RayLoop:
         return {
             way: SampledLoop(elements, stiffness, acting, at.inertia, at.arms[way])
             for way, stiffness in at.loops.items()
+            if way != "opposed"
         }
 
 

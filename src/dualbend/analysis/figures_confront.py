@@ -20,6 +20,7 @@ from dualbend.errors import InputError
 from dualbend.run.scenario import Scenario
 
 _RAYS_PER_DECADE = 6
+_SHOWN_BELOW, _SHOWN_ABOVE = 8.0, 4.0
 _STYLES = (("sampled", "solid"), ("delayed", "dotted"), ("paper", "dashed"))
 
 
@@ -45,6 +46,10 @@ def plot_confrontation(scenario: Scenario, found: Confrontation, path: Path) -> 
         panel.plot([], [], "o", color="0.3", fillstyle="none", label="without dry friction")
         units = gain_units(scenario.compliance, axis)
         panel.set(xscale="log", yscale="log", title=f"{axis} alone, held")
+        onsets = np.array([(c.simulated.b, c.ratio_per_s * c.simulated.b) for c in cases])
+        # The paper's boundary is decades away: where it is in the picture is enough.
+        panel.set_xlim(onsets[:, 0].min() / _SHOWN_BELOW, onsets[:, 0].max() * _SHOWN_ABOVE)
+        panel.set_ylim(onsets[:, 1].min() / _SHOWN_BELOW, onsets[:, 1].max() * _SHOWN_ABOVE)
         panel.set_xlabel(f"damping b [{units[0]}]")
         panel.set_ylabel(f"stiffness k [{units[1]}]")
         panel.legend(fontsize="small")
