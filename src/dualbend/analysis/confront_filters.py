@@ -26,7 +26,7 @@ FILTERS: tuple[LowPassConfig, ...] = (
 _TOLERANCE = 0.003
 """Of the onset: a loss is a difference of two."""
 
-_PARTS = (0.7, 1.0, 1.4)
+_PARTS = (0.5, 0.7, 1.0, 1.4, 2.0)
 """Of the disturbance: dry friction scatters an onset by some per cent, the median less so."""
 
 
