@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import optimize, signal
 
-from dualbend.analysis.stability_loop import LoopElements, SampledLoop, describe_mode
+from dualbend.analysis.stability_loop import LoopElements, SampledLoop
 from dualbend.analysis.stability_margins import Sweep, loop_margins
+from dualbend.analysis.stability_mode import describe_mode
 from dualbend.control.admittance import Admittance, AdmittanceConfig, AdmittanceForm, AxisConfig
 from dualbend.control.alter import COMMAND_PERIOD_S, TransportDelay
 from dualbend.control.command_response import CommandResponse, CommandResponseConfig

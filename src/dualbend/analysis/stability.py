@@ -11,9 +11,11 @@ import msgspec
 import numpy as np
 
 from dualbend.analysis.stability_continuous import delayed_loop, paper_loop
-from dualbend.analysis.stability_loop import AxisName, LoopElements, Mode, SampledLoop
+from dualbend.analysis.stability_coupling import ModeName
+from dualbend.analysis.stability_loop import AxisName, LoopElements, SampledLoop
 from dualbend.analysis.stability_margins import Sweep, loop_margins
-from dualbend.analysis.stability_stiffness import Environment, ModeName, environments
+from dualbend.analysis.stability_mode import Mode
+from dualbend.analysis.stability_stiffness import Environment, environments
 from dualbend.run.scenario import Scenario
 
 STEP_RAD = 0.05
@@ -137,7 +139,10 @@ def acting_angles(
 def judge(elements: LoopElements, sweep: Sweep, at: Environment, axis: AxisName) -> Row:
     """Judge one bending angle by the least stable way in which the arms can move."""
     acting = elements.acting(axis, at.alpha_rad)
-    loops = {way: SampledLoop(elements, k, acting, at.inertia) for way, k in at.loops.items()}
+    loops = {
+        way: SampledLoop(elements, k, acting, at.inertia, at.arms[way])
+        for way, k in at.loops.items()
+    }
     modes: dict[ModeName, Mode] = {way: loop.mode() for way, loop in loops.items()}
     way = max(modes, key=lambda name: modes[name].spectral_radius)
     mode, stiffness, rigid = modes[way], np.diag(at.loops[way]), np.diag(at.rigid_loops[way])

@@ -16,8 +16,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.analysis.stability_loop import LoopElements, Mode
+from dualbend.analysis.stability_loop import LoopElements
 from dualbend.analysis.stability_margins import Margins, margins
+from dualbend.analysis.stability_mode import Mode
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.errors import InputError
 

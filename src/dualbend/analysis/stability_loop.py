@@ -15,7 +15,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dualbend.analysis.stability_arm import YieldingArm
 from dualbend.analysis.stability_blocks import Blocks, parallel, rational, realised
+from dualbend.analysis.stability_mode import Mode, describe_mode
 from dualbend.control.admittance import DEG_PER_RAD, MM_PER_M, Admittance, AdmittanceAxis
 from dualbend.control.alter import (
     COMMAND_PERIOD_S,
@@ -128,24 +130,6 @@ def _actuator(elements: LoopElements) -> Blocks:
     return robot.then(parallel([realised(TransportDelay(cycles, 1).transfer_function())] * 2))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Mode:
-    """The eigenvalue of the cycle that decides: the largest |z|, and what it is in time.
-
-    Growth rate ln|z|/T [1/s], frequency |arg z|/(2πT) [Hz], damping ratio −Re s/|s| of s = ln z/T.
-    """
-
-    spectral_radius: float
-    growth_per_s: float
-    frequency_hz: float
-    damping_ratio: float
-
-    @property
-    def stable(self) -> bool:
-        """All eigenvalues are inside the unit circle."""
-        return self.spectral_radius < 1.0
-
-
 class SampledLoop:
     """The closed loop of one arm, or of both moving alike, at one bending angle.
 
@@ -161,6 +145,9 @@ class SampledLoop:
     inertia : (2, 2)
         M of the tool beyond the sensor, which the reading cannot tell from the sheet: the wrench
         read is −K q − M q̈ [[kg, kg m], [kg m, kg m²]]. None: no tool.
+    arm
+        The arm that moves, with its own stiffness and inertia, which then count instead of K and
+        M. None: the arm does exactly what the robot's response says.
 
     Raises
     ------
@@ -174,6 +161,7 @@ class SampledLoop:
         stiffness: ArrayLike,
         acting: tuple[bool, bool] = (True, True),
         inertia: ArrayLike | None = None,
+        arm: YieldingArm | None = None,
     ) -> None:
         matrix = np.asarray(stiffness, dtype=np.float64)
         if matrix.shape != (2, 2) or not np.isfinite(matrix).all():
@@ -192,14 +180,29 @@ class SampledLoop:
         self.stiffness = matrix[np.ix_(acting, acting)]
         mass = np.zeros((2, 2)) if inertia is None else np.asarray(inertia, dtype=np.float64)
         self.inertia = mass[np.ix_(acting, acting)]
-        size = len(axes)
-        read = np.stack([self.stiffness, self.inertia], axis=-1).reshape(size, 2 * size)
-        self._robot = parallel([_actuator(elements)] * size).scaled(-read)
+        self._arm = arm
+        if arm:
+            # At least one step, as in the simulation, which has no reading of this very instant.
+            age = max(elements.age_steps, 1)
+            self._cycle, self._cycles_of_age = arm.cycle(elements.response, age, acting)
+        self._robot = self._yielding() if arm else self._rigid()
         self._controller = parallel(
             realised(elements.low_pass.transfer_function()).then(realised(part.transfer_function()))
             for part in self.filters
         )
         self._close()
+
+    def _rigid(self) -> Blocks:
+        size = len(self.filters)
+        read = np.stack([self.stiffness, self.inertia], axis=-1).reshape(size, 2 * size)
+        return parallel([_actuator(self.elements)] * size).scaled(-read)
+
+    def _yielding(self) -> Blocks:
+        """Return delay, robot under load and age, from deviations to the wrench read."""
+        elements, size = self.elements, len(self.filters)
+        delay = realised(elements.delay.transfer_function())
+        age = realised(TransportDelay(self._cycles_of_age, 1).transfer_function())
+        return parallel([delay] * size).then(self._cycle).then(parallel([age] * size))
 
     def _close(self) -> None:
         p, q = self._robot, self._controller
@@ -228,25 +231,17 @@ class SampledLoop:
         self, z_inverse: ComplexVector, shared: ComplexVector | None = None
     ) -> ComplexVector:
         """Return L (n, axes, axes), broken at the admittance's output; det(I + L) = 0 closes it."""
-        common = self.elements.shared_gain(z_inverse) if shared is None else shared
         gains = np.stack(
             [rational(f.transfer_function(), z_inverse) for f in self.filters], axis=-1
         )
+        if self._arm:
+            return np.asarray(gains[:, :, None] * self.felt(z_inverse))
+        common = self.elements.shared_gain(z_inverse) if shared is None else shared
         wrench = common @ np.stack([self.stiffness.ravel(), self.inertia.ravel()])
         return np.asarray(gains[:, :, None] * wrench.reshape(-1, *self.stiffness.shape))
 
-
-def describe_mode(z: complex) -> Mode:
-    """Return what an eigenvalue of one cycle means in time."""
-    radius = abs(z)
-    if radius < 1e-12:
-        return Mode(
-            spectral_radius=radius, growth_per_s=-math.inf, frequency_hz=0.0, damping_ratio=1.0
-        )
-    s = complex(math.log(radius), abs(math.atan2(z.imag, z.real))) / COMMAND_PERIOD_S
-    return Mode(
-        spectral_radius=radius,
-        growth_per_s=s.real,
-        frequency_hz=s.imag / (2.0 * math.pi),
-        damping_ratio=-s.real / abs(s) if s else 0.0,
-    )
+    def felt(self, z_inverse: ComplexVector) -> ComplexVector:
+        """Return the filtered wrench (n, axes, axes) that is lost per deviation sent."""
+        filtered = rational(self.elements.low_pass.transfer_function(), z_inverse)
+        late = z_inverse ** (self.elements.delay.cycles + self._cycles_of_age)
+        return np.asarray(-self._cycle.at(z_inverse) * (filtered * late)[:, None, None])

@@ -10,16 +10,19 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.analysis.stability import Prediction, Row
+from dualbend.analysis.stability import Prediction
 from dualbend.analysis.stability_blocks import rational
 from dualbend.analysis.stability_continuous import largest_stiffness
-from dualbend.analysis.stability_loop import LoopElements, si_per_unit
-from dualbend.analysis.stability_margins import Sweep, margins
-from dualbend.control.admittance import Admittance, AdmittanceConfig, AxisConfig
+from dualbend.analysis.stability_coupling import ModeName
+from dualbend.analysis.stability_loop import LoopElements, SampledLoop, si_per_unit
+from dualbend.analysis.stability_margins import FREQUENCIES_HZ, Z_INVERSE, margins
+from dualbend.analysis.stability_stiffness import Environment, environments
+from dualbend.control.admittance import Admittance, AdmittanceConfig
 from dualbend.errors import InputError
 from dualbend.run.scenario import Scenario
 
 Vector = NDArray[np.float64]
+ComplexVector = NDArray[np.complex128]
 
 PER_DECADE = 20
 """Gains in a decade of a map, b and k alike."""
@@ -58,17 +61,13 @@ def stability_map(scenario: Scenario, prediction: Prediction) -> list[Panel]:
     if not prediction.rows:
         raise InputError(f"--map: {prediction.reason}")
     elements = LoopElements.from_scenario(scenario)
-    sweep = Sweep.of(elements)
     # The last row has all axes that ever act.
-    return [
-        _panel(scenario, elements, sweep, prediction, name) for name in prediction.rows[-1].axes
-    ]
+    return [_panel(scenario, elements, prediction, name) for name in prediction.rows[-1].axes]
 
 
 def _panel(
     scenario: Scenario,
     elements: LoopElements,
-    sweep: Sweep,
     prediction: Prediction,
     axis: Literal["x", "rotation"],
 ) -> Panel:
@@ -82,26 +81,30 @@ def _panel(
     shown = [
         rows[i] for i in sorted({round(i) for i in np.linspace(0, len(rows) - 1, SHOWN_ANGLES)})
     ]
-    length = "mm" if axis == "x" else "deg"
-    si = "m" if axis == "x" else "rad"
-    unit = length if config.units == "paper" else si
-    load = "N" if axis == "x" else "N m"
+    at = environments(scenario, [row.alpha_rad for row in shown])
+    # The stiffness, but not the way, is that of the scenario's gains.
+    felt = {
+        row.alpha_rad: axis_alone(elements, e, row.moving, axis).felt(Z_INVERSE)[:, 0, 0]
+        for row, e in zip(shown, at, strict=True)
+    }
     return Panel(
         axis=axis,
-        units=(f"{load} s/{unit}", f"{load}/{unit}"),
+        units=gain_units(config, axis),
         b=b,
         k=k,
-        sampled={
-            row.alpha_rad: _gain_margins(config, given, axis, sweep, felt(row, axis))
-            for row in shown
-        },
+        sampled={alpha: _gain_margins(config, axis, gain) for alpha, gain in felt.items()},
         paper=largest_stiffness(
             b[:, np.newaxis] * factor,
             k[np.newaxis] * factor,
             omega,
             2.0 * elements.response.config.damping_ratio * omega,
         ),
-        stiffness={row.alpha_rad: felt(row, axis)[0] for row in shown},
+        stiffness={
+            row.alpha_rad: row.stiffness_x_n_per_m
+            if axis == "x"
+            else row.stiffness_rotation_nm_per_rad
+            for row in shown
+        },
         gains=(given.b, given.k),
     )
 
@@ -111,25 +114,31 @@ def _reach(decades: tuple[int, int]) -> Vector:
     return np.logspace(*decades, PER_DECADE * (decades[1] - decades[0]) + 1)
 
 
-def felt(row: Row, axis: Literal["x", "rotation"]) -> tuple[float, float]:
-    """Return the stiffness and the inertia that an axis feels, in SI."""
-    if axis == "x":
-        return row.stiffness_x_n_per_m, row.inertia_x_kg
-    return row.stiffness_rotation_nm_per_rad, row.inertia_rotation_kg_m2
+def gain_units(config: AdmittanceConfig, axis: Literal["x", "rotation"]) -> tuple[str, str]:
+    """Return the units of b and k."""
+    length, si, load = ("mm", "m", "N") if axis == "x" else ("deg", "rad", "N m")
+    unit = length if config.units == "paper" else si
+    return f"{load} s/{unit}", f"{load}/{unit}"
+
+
+def axis_alone(
+    elements: LoopElements, at: Environment, way: ModeName, axis: Literal["x", "rotation"]
+) -> SampledLoop:
+    """Return the loop of one axis by itself."""
+    acting = (axis == "x", axis == "rotation")
+    return SampledLoop(elements, at.loops[way], acting, at.inertia, at.arms[way])
 
 
 def _gain_margins(
-    config: AdmittanceConfig,
-    given: AxisConfig,
-    axis: Literal["x", "rotation"],
-    sweep: Sweep,
-    environment: tuple[float, float],
+    config: AdmittanceConfig, axis: Literal["x", "rotation"], felt: ComplexVector
 ) -> Vector:
     """Return the gain margin (n, m) of the sampled loop; 1 is the boundary.
 
     With H = g/(1 − a z⁻¹) the boundary depends on the pole a, so on k/b, and on g as a factor
     only: one sweep for each diagonal of the map does.
     """
+    given = config.x if axis == "x" else config.rotation
+    assert given is not None
     along_b, along_k = _reach(B_DECADES), _reach(K_DECADES)
     found = np.empty((along_b.size, along_k.size))
     by_diagonal: dict[int, float] = {}
@@ -140,8 +149,8 @@ def _gain_margins(
             part = filters.x if axis == "x" else filters.rotation
             assert part is not None
             if j - i not in by_diagonal:
-                shape = rational((np.ones(1), part.transfer_function()[1]), sweep.z_inverse)
-                locus = (sweep.shared @ environment * shape)[:, np.newaxis]
-                by_diagonal[j - i] = margins(sweep.frequency_hz, locus, stable=True).gain
+                shape = rational((np.ones(1), part.transfer_function()[1]), Z_INVERSE)
+                locus = (felt * shape)[:, np.newaxis]
+                by_diagonal[j - i] = margins(FREQUENCIES_HZ, locus, stable=True).gain
             found[i, j] = by_diagonal[j - i] / part.gain
     return found

@@ -22,6 +22,9 @@ ComplexVector = NDArray[np.complex128]
 FREQUENCIES_HZ: Vector = np.concatenate([[0.0], np.geomspace(0.02, NYQUIST_HZ, 1500)])
 """Where a sampled loop is looked at; crossings are interpolated to 1e-5 of the margin."""
 
+Z_INVERSE: ComplexVector = np.exp(-2j * math.pi * FREQUENCIES_HZ * COMMAND_PERIOD_S)
+"""z⁻¹ at these frequencies."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Margins:
@@ -55,11 +58,10 @@ class Sweep:
     @classmethod
     def of(cls, elements: LoopElements) -> Sweep:
         """Evaluate the shared elements."""
-        z_inverse = np.exp(-2j * math.pi * FREQUENCIES_HZ * COMMAND_PERIOD_S)
         return cls(
             frequency_hz=FREQUENCIES_HZ,
-            z_inverse=z_inverse,
-            shared=elements.shared_gain(z_inverse),
+            z_inverse=Z_INVERSE,
+            shared=elements.shared_gain(Z_INVERSE),
         )
 
 

@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg, signal
+from scipy import linalg
 
 from dualbend.control.alter import COMMAND_PERIOD_S, TransferFunction, Vector
 from dualbend.errors import InputError
@@ -137,5 +137,7 @@ class CommandResponse:
 
     def transfer_function(self) -> TransferFunction:
         """Tell set-point to position at the start of the cycle, in powers of z⁻¹."""
+        from scipy import signal  # noqa: PLC0415 - 1 s to import, and the loop never asks for this
+
         numerator, denominator = signal.ss2tf(*self.state_space())
         return np.asarray(numerator[0], dtype=np.float64), np.asarray(denominator, dtype=np.float64)

@@ -15,7 +15,6 @@ from typing import Annotated, Literal
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import optimize, signal
 
 from dualbend.control.alter import COMMAND_PERIOD_S, TransferFunction, Vector
 
@@ -55,10 +54,20 @@ def _design(config: LowPassConfig) -> TransferFunction:
     if config.kind == "none":
         return np.ones(1), np.ones(1)
     if config.kind == "fir":
-        taps = signal.firwin(config.taps, config.cutoff_hz, window=config.window, fs=rate_hz)
-        return np.asarray(taps, dtype=np.float64), np.ones(1)
+        return _windowed_sinc(config), np.ones(1)
+    from scipy import signal  # noqa: PLC0415 - 1 s to import; a FIR needs none of it
+
     numerator, denominator = signal.butter(config.order, config.cutoff_hz, fs=rate_hz)
     return np.asarray(numerator, dtype=np.float64), np.asarray(denominator, dtype=np.float64)
+
+
+def _windowed_sinc(config: LowPassConfig) -> Vector:
+    """Return the taps of `scipy.signal.firwin` (tested), of unit gain at standstill."""
+    middle = np.arange(config.taps) - (config.taps - 1) / 2.0
+    taps = np.sinc(2.0 * config.cutoff_hz * COMMAND_PERIOD_S * middle)
+    if config.window == "hamming":
+        taps *= np.hamming(config.taps)
+    return np.asarray(taps / taps.sum())
 
 
 def _transposed_form(numerator: Vector, denominator: Vector) -> tuple[Vector, Vector]:
@@ -118,14 +127,19 @@ class LowPass:
 
     def group_delay_s(self, frequency_hz: float) -> float:
         """Return the group delay −dφ/dω [s] at a frequency [Hz]."""
-        _, samples = signal.group_delay(
-            (self._numerator, self._denominator), w=[frequency_hz], fs=1.0 / COMMAND_PERIOD_S
-        )
-        return float(samples[0]) * COMMAND_PERIOD_S
+        z = np.exp(-2j * math.pi * frequency_hz * COMMAND_PERIOD_S)
+
+        def samples(polynomial: Vector) -> float:
+            # −d arg P/dω of P = Σ p_n z⁻ⁿ is Re(Σ n p_n z⁻ⁿ / P).
+            rising = polynomial * z ** np.arange(polynomial.size)
+            return float((rising @ np.arange(polynomial.size) / rising.sum()).real)
+
+        return (samples(self._numerator) - samples(self._denominator)) * COMMAND_PERIOD_S
 
     @property
     def minus_3db_hz(self) -> float | None:
         """The lowest frequency of gain 1/√2 [Hz]; None when no frequency has it."""
+        from scipy import optimize  # noqa: PLC0415 - slow to import, and only asked for in reports
 
         def excess(frequency_hz: float) -> float:
             return self.gain(frequency_hz) - math.sqrt(0.5)

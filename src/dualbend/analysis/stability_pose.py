@@ -1,0 +1,124 @@
+"""One arm at a pose of the nominal path: what it gives way, and its moved joints."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.analysis.stability_arm import Joints
+from dualbend.run.robot_cell import HOME_GUESS_RAD, make_servo
+from dualbend.run.scenario import Scenario
+from dualbend.scene.arm import GRIP_SITE, JOINTS
+from dualbend.scene.cell import SIDES, robots_only
+from dualbend.scene.ik import InverseKinematics, grip_targets
+
+Vector = NDArray[np.float64]
+
+_PLANAR = [0, 2, 4]
+"""x, z and the turn about y among the six of a site's Jacobian."""
+
+_MOVED = 1e-6
+"""A joint that a unit of any set-point moves by less is not moved: rounding of the poses."""
+
+
+class PosedArm:
+    """The left arm at one pose after another; the right one is its image by a turn about z.
+
+    Parameters
+    ----------
+    scenario
+        Says the cell, the servos and the grasp.
+    home : (3,)
+        x, z [m], α [rad] of the grips where the servos' feed-forward was set: the path's start.
+
+    Raises
+    ------
+    InputError
+        A pose is out of reach.
+    """
+
+    def __init__(self, scenario: Scenario, home: Vector) -> None:
+        self._model = robots_only(scenario.cell).compile()
+        self._data = mujoco.MjData(self._model)
+        self._ik = InverseKinematics(self._model)
+        self._q = HOME_GUESS_RAD
+        self._site = self._model.site(f"{SIDES[0]}_{GRIP_SITE}").id
+        self._n = len(JOINTS)
+        self._reach(home)
+        servo = make_servo(scenario, self._model, self._q)
+        nothing, unit = np.zeros((2, self._n * len(SIDES)))
+        unit += 1.0
+        fed = servo.setpoint(nothing, nothing, unit) * servo.stiffness
+        self._stiffness = servo.stiffness[: self._n]
+        self._feed_forward = fed[: self._n]
+        viscous = self._model.dof_damping.ravel()
+        self._damping = (servo.damping + viscous)[: self._n]
+        grasp = scenario.grasp
+        self.grasp = np.diag(
+            1.0
+            / np.array(
+                [
+                    grasp.translational_stiffness_n_per_m,
+                    grasp.translational_stiffness_n_per_m,
+                    grasp.rotational_stiffness_n_m_per_rad,
+                ]
+            )
+        )
+        """What a grasp gives way (3, 3) in x, z, α per wrench on it."""
+
+    def _reach(self, pose: Vector) -> None:
+        targets = grip_targets(np.array([pose, pose]))
+        solution = self._ik.solve(targets, self._q)
+        self._q = (
+            solution if solution.reached else self._ik.solve_from_home(targets, HOME_GUESS_RAD)
+        ).q
+
+    def move(self, pose: Vector) -> None:
+        """Go to x, z [m] and α [rad] of the grip."""
+        self._reach(pose)
+        self._data.qpos[:] = self._q
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_crb(self._model, self._data)
+        translation, rotation = np.zeros((2, 3, self._model.nv))
+        mujoco.mj_jacSite(self._model, self._data, translation, rotation, self._site)
+        self._jacobian = np.vstack([translation, rotation])[:, : self._n]
+
+    @property
+    def compliance(self) -> Vector:
+        """What the joints give way, J Kq⁻¹ Jᵀ (3, 3) in x, z, α: wrench on the arm to its give."""
+        planar = self._jacobian[_PLANAR]
+        return np.asarray((planar / self._stiffness) @ planar.T)
+
+    def joints(self) -> Joints:
+        """Return the joints that set-points in the plane move."""
+        mass = np.zeros((self._model.nv, self._model.nv))
+        mujoco.mj_fullM(self._model, self._data, mass)
+        setpoint = np.linalg.inv(self._jacobian)[:, _PLANAR]
+        moved = np.abs(setpoint).max(axis=1) > _MOVED
+        return Joints(
+            mass=mass[: self._n, : self._n][np.ix_(moved, moved)],
+            stiffness=self._stiffness[moved],
+            damping=self._damping[moved],
+            feed_forward=self._feed_forward[moved],
+            jacobian=self._jacobian[_PLANAR][:, moved],
+            setpoint=setpoint[moved],
+        )
+
+    def tool_inertia(self) -> Vector:
+        """Return the inertia (3, 3) in x, z, α of what hangs beyond the sensor, at the grip."""
+        model, data = self._model, self._data
+        inertia, hand = np.zeros((3, 3)), model.body(f"{SIDES[0]}_hand").id
+        for body in range(hand, model.nbody):
+            above = body
+            while above > hand:
+                above = int(model.body_parentid[above])
+            if above != hand:
+                continue
+            lever = data.xipos[body] - data.site_xpos[self._site]
+            moves = np.array([[1.0, 0.0, lever[2]], [0.0, 1.0, -lever[0]]])
+            inertia += model.body_mass[body] * moves.T @ moves
+            axis = data.ximat[body].reshape(3, 3)[1]
+            inertia[2, 2] += float(axis**2 @ model.body_inertia[body])
+        return inertia
