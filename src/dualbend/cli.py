@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from dualbend.analysis.stability import Prediction
     from dualbend.analysis.validation import Row
     from dualbend.run.runner import RunResult
+    from dualbend.run.scenario import Scenario
 
 EXIT_FAILED_CHECK, EXIT_BAD_INPUT, EXIT_UNEXPECTED, EXIT_INTERRUPTED = 1, 2, 3, 130
 
@@ -380,24 +381,45 @@ def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
     "--map", "map_file", type=click.Path(path_type=Path), help="PNG of the stable region in (b, k)."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option(
+    "--confront",
+    "confronted",
+    is_flag=True,
+    help="Bisect the onset in the full simulation, held at some angles; takes minutes.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder of a confrontation; what is there already is not done again.",
+)
+@click.option("--workers", type=click.IntRange(min=1), help="Processes of a confrontation.")
 @_SETTINGS
 def stability(
     scenario: str,
     axis: Literal["x", "rotation", "coupled"],
     map_file: Path | None,
     as_json: bool,
+    confronted: bool,
+    out: Path | None,
+    workers: int | None,
     settings: tuple[str, ...],
 ) -> None:
     """Predict the stability of the compliance.
 
-    Margins along the path, before any run.
+    Margins along the path, before any run; or, with --confront, prediction against simulation.
 
     Example: dualbend stability fig9 --map fig9.png
     """
     from dualbend.analysis.stability import predict
+    from dualbend.errors import InputError
     from dualbend.run.scenario import load_scenario
 
     loaded = load_scenario(scenario, settings)
+    if confronted:
+        _confront(loaded, axis, out or Path("runs") / f"{loaded.name}-confront", workers, as_json)
+        return
+    if out is not None or workers is not None:
+        raise InputError("--out and --workers belong to --confront")
     prediction = predict(loaded, axis)
     if map_file is not None and prediction.rows:
         from dualbend.analysis.figures import plot_stability_map
@@ -410,6 +432,36 @@ def stability(
         click.echo(msgspec.json.format(msgspec.json.encode(prediction), indent=2).decode())
         return
     _show_prediction(prediction)
+
+
+def _confront(
+    loaded: Scenario,
+    axis: Literal["x", "rotation", "coupled"],
+    folder: Path,
+    workers: int | None,
+    as_json: bool,
+) -> None:
+    """Bisect, tell each case as it is found, and leave table and picture beside the numbers."""
+    from dualbend.analysis.confront import AXES, confront
+    from dualbend.analysis.confront_report import describe_case, summary, write_report
+    from dualbend.analysis.figures_confront import plot_confrontation
+
+    found = confront(
+        loaded,
+        axes=AXES if axis == "coupled" else (axis,),
+        workers=workers,
+        folder=folder,
+        progress=lambda done, of, case: click.echo(f"{done}/{of}  {describe_case(case)}", err=True),
+    )
+    write_report(found, folder)
+    plot_confrontation(loaded, found, folder / "confrontation.png")
+    if as_json:
+        import msgspec
+
+        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+        return
+    click.echo(summary(found))
+    click.echo(f"results in {folder}")
 
 
 def _show_prediction(prediction: Prediction) -> None:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from dualbend.analysis.audit_reading import Reading, readings
 from dualbend.analysis.audit_row import PAPER
 from dualbend.analysis.stability_equilibrium import solve_grips
-from dualbend.analysis.stability_loop import LoopElements, Mode, SampledLoop
+from dualbend.analysis.stability_loop import LoopElements, SampledLoop
+from dualbend.analysis.stability_mode import Mode
 from dualbend.analysis.stability_stiffness import Environment, environments
 from dualbend.errors import InputError
 from dualbend.run.scenario import Scenario
