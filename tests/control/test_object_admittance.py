@@ -273,8 +273,8 @@ def delay(cycles: int) -> TransferFunction:
 def test_an_integrator_with_delay(cycles: int, as_latency: bool) -> None:
     path, latency = ([], cycles) if as_latency else ([delay(cycles)], 0.0)
     closed = 2.0 / T * math.sin(math.pi / (2 * (2 * cycles - 1)))
-    # Analytic up to the grid of frequencies, π/4000: below the crossing's own step of phase.
-    assert critical_rate(path, latency) == pytest.approx(closed, rel=2e-2)
+    # Analytic up to the grid: the crossing is found to π/4000, of a frequency of π/(2d − 1).
+    assert critical_rate(path, latency) == pytest.approx(closed, rel=(2 * cycles - 1) / 4000)
 
 
 def poles(path: Sequence[TransferFunction], latency: int, rate: float) -> Vector:
