@@ -42,6 +42,8 @@ class Grippers:
         self._ends = [model.site(end).id for end in (LEFT_END, RIGHT_END)]
         self._end_place = model.site_pos[self._ends].copy()
         self._end_turn = model.site_quat[self._ends].copy()
+        # A site that is parallel to its body is compiled to stay so: its quaternion goes unread.
+        model.site_sameframe[self._ends] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         self._holds = [model.equality(f"{side}_hold").id for side in SIDES]
         self._opening_m = 0.0
 
