@@ -58,11 +58,11 @@ class Grippers:
     def drive(self, opening_m: float) -> None:
         """Drive each jaw to this distance from the middle [m]; 0 closes with force."""
         self._opening_m = opening_m
-        closing = opening_m <= 0.0
-        for drives, held in zip(self._drives, self.holding, strict=True):
-            # Jaws that hold stay where they are: their spindle locks itself.
-            if not (held and closing):
-                self._data.ctrl[drives] = -_SQUEEZE_M if closing else opening_m
+        target = -_SQUEEZE_M if opening_m <= 0.0 else opening_m
+        for drives, held, gap in zip(self._drives, self.holding, self.gap_m, strict=True):
+            # Jaws that hold stay where they are until they are opened: their spindle locks itself.
+            if not held or 2.0 * opening_m > gap:
+                self._data.ctrl[drives] = target
 
     @property
     def gap_m(self) -> Vector:
