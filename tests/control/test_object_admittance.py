@@ -301,9 +301,7 @@ def shipped(kind: str, cycles: int) -> list[TransferFunction]:
 
 @pytest.mark.parametrize("kind", ["fir", "iir", "none"])
 @pytest.mark.parametrize(("cycles", "latency"), [(0, 0), (2, 1), (5, 3)])
-def test_at_the_critical_rate_a_pole_meets_the_circle(
-    kind: str, cycles: int, latency: int
-) -> None:
+def test_at_the_critical_rate_a_pole_meets_the_circle(kind: str, cycles: int, latency: int) -> None:
     path = shipped(kind, cycles)
 
     def largest(rate: float) -> float:
