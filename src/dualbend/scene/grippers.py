@@ -42,6 +42,8 @@ class Grippers:
         self._ends = [model.site(end).id for end in (LEFT_END, RIGHT_END)]
         self._end_place = model.site_pos[self._ends].copy()
         self._end_turn = model.site_quat[self._ends].copy()
+        # A site that is parallel to its body is compiled to stay so: its quaternion goes unread.
+        model.site_sameframe[self._ends] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         self._holds = [model.equality(f"{side}_hold").id for side in SIDES]
         self._opening_m = 0.0
 
@@ -56,11 +58,11 @@ class Grippers:
     def drive(self, opening_m: float) -> None:
         """Drive each jaw to this distance from the middle [m]; 0 closes with force."""
         self._opening_m = opening_m
-        closing = opening_m <= 0.0
-        for drives, held in zip(self._drives, self.holding, strict=True):
-            # Jaws that hold stay where they are: their spindle locks itself.
-            if not (held and closing):
-                self._data.ctrl[drives] = -_SQUEEZE_M if closing else opening_m
+        target = -_SQUEEZE_M if opening_m <= 0.0 else opening_m
+        for drives, held, gap in zip(self._drives, self.holding, self.gap_m, strict=True):
+            # Jaws that hold stay where they are until they are opened: their spindle locks itself.
+            if not held or 2.0 * opening_m > gap:
+                self._data.ctrl[drives] = target
 
     @property
     def gap_m(self) -> Vector:

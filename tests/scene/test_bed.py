@@ -1,0 +1,278 @@
+"""Bed, pins and holes in contact, without arms: where a sheet that falls on its pins comes to rest.
+
+The free sheet of 31 g is put above the pins and let go; 1.5 s later it lies still.
+"""
+
+import math
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
+from dualbend.scene.bed import (
+    HOLES,
+    HolePairConfig,
+    HolesConfig,
+    LayoutConfig,
+    PinsConfig,
+    add_holes,
+    add_workplace,
+    hole_places,
+)
+from dualbend.scene.pin_contacts import PinContacts
+from dualbend.scene.sheet import StripConfig, add_sheet, strip_body
+
+Array = NDArray[np.float64]
+SHEET = Sheet(
+    length_m=0.4,
+    width_m=0.057,
+    thickness_m=0.0005,
+    young_pa=70.3e9,
+    poisson_ratio=0.33,
+    density_kg_per_m3=2680,
+)
+STRIPS = StripConfig()
+WEIGHT_N = SHEET.mass_kg * GRAVITY_M_PER_S2
+STEP_S = 0.00175
+ROUND, TAPER = LayoutConfig(), LayoutConfig(pins=PinsConfig(tip="taper"))
+HALF_CLEARANCE_M = 0.5 * ROUND.holes.clearance_m
+
+
+class Scene:
+    """A sheet, a bed and its pins."""
+
+    def __init__(self, layout: LayoutConfig, laid: int = 0) -> None:
+        spec = mujoco.MjSpec()
+        spec.compiler.degree = False
+        spec.option.timestep = STEP_S
+        spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
+        add_sheet(spec, SHEET, STRIPS, np.zeros(3))
+        add_workplace(spec, layout, SHEET, STRIPS, laid)
+        add_holes(spec, SHEET, STRIPS, layout)
+        self.layout, self.model = layout, spec.compile()
+        self.data = mujoco.MjData(self.model)
+        self.pins = PinContacts(self.model, self.data, layout, SHEET, STRIPS)
+        bodies = {self.model.body(strip_body(i)).id for i in range(STRIPS.hinges + 1)}
+        self.of_sheet = np.isin(self.model.geom_bodyid, list(bodies))
+
+    def put(self, x: float, y: float, height: float, yaw: float = 0.0) -> None:
+        """Put the flat sheet at rest, its lower face this high above the bed."""
+        z = self.layout.bed.top_m + height + 0.5 * SHEET.thickness_m
+        self.data.qpos[:] = self.model.qpos0
+        self.data.qpos[:7] = x, y, z, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
+        self.data.qvel[:] = 0.0
+        mujoco.mj_forward(self.model, self.data)
+
+    def fall(self, seconds: float = 1.5) -> None:
+        for _ in range(round(seconds / STEP_S)):
+            mujoco.mj_step(self.model, self.data)
+        mujoco.mj_forward(self.model, self.data)
+
+    def contacts(self) -> list[tuple[int, int, Array]]:
+        """Return each contact of the sheet: its geom, the other one, the force on the sheet."""
+        found, wrench = [], np.zeros(6)
+        for i in range(self.data.ncon):
+            first, second = self.data.contact.geom[i].tolist()
+            mujoco.mj_contactForce(self.model, self.data, i, wrench)
+            # In axes of the contact, on the second geom.
+            force = self.data.contact.frame[i].reshape(3, 3).T @ wrench[:3]
+            if self.of_sheet[second]:
+                found.append((second, first, force))
+            else:
+                found.append((first, second, -force))
+        return found
+
+
+@cache
+def fallen(layout: LayoutConfig, x: float, y: float, yaw: float) -> Scene:
+    scene = Scene(layout)
+    scene.put(x, y, layout.pins.height_m + 5e-4, yaw)
+    scene.fall()
+    return scene
+
+
+# --- places -------------------------------------------------------------------------------------
+
+
+def test_holes_and_pins_are_where_the_layout_says() -> None:
+    errors = ((1e-4, 0.0), (0.0, -2e-4), (3e-4, 1e-4), (0.0, 0.0))
+    layout = LayoutConfig(
+        holes=HolesConfig(
+            middle=HolePairConfig(along_m=0.045, across_m=0.01),
+            outer=HolePairConfig(along_m=0.14, across_m=-0.015),
+            errors_m=errors,
+        )
+    )
+    scene = Scene(layout)
+    scene.put(0.0, 0.0, 0.0)
+    # Written out: the pairs are point-symmetric about the sheet's middle, left is negative.
+    places = [(-0.045, -0.01), (0.045, 0.01), (-0.14, 0.015), (0.14, -0.015)]
+    np.testing.assert_allclose(hole_places(layout.holes), places, atol=1e-15)
+    for name, place, error in zip(HOLES, places, errors, strict=True):
+        pin = scene.data.body(f"pin_{name}").xpos
+        # Analytic: sums of a few numbers.
+        np.testing.assert_allclose(pin, [*place, layout.bed.top_m], atol=1e-12)
+        hole = scene.data.site(f"hole_{name}").xpos
+        np.testing.assert_allclose(hole[:2] - place, error, atol=1e-12)
+    away = scene.pins.offsets()
+    np.testing.assert_allclose(away, np.column_stack((errors, np.zeros(4))), atol=1e-12)
+
+
+@pytest.mark.parametrize("clearance", [2e-4, 1e-4])
+@pytest.mark.parametrize("degrees", [0.0, 5.625, 30.0, 90.0, 200.0])
+def test_a_pin_has_the_room_of_a_round_hole(clearance: float, degrees: float) -> None:
+    """How far the sheet goes each way before a pin's shaft touches: half the clearance.
+
+    Discretisation-limited: the ring's polygon has 32 sides, the radii of the circles in and around
+    it differ by 1/cos(π/32) = 0.5 %, 12 µm; the pin's room is between what either leaves it.
+    """
+    layout = LayoutConfig(holes=HolesConfig(clearance_m=clearance))
+    scene = Scene(layout)
+    radius = 0.5 * (layout.pins.diameter_m + clearance)
+    pin = scene.model.geom("pin_outer_right").id
+
+    def touches(away: float) -> bool:
+        turn = math.radians(degrees)
+        scene.put(away * math.cos(turn), away * math.sin(turn), 1e-3)
+        contact = scene.data.contact
+        on_pin = (contact.geom == pin).any(axis=1)
+        return bool((contact.dist[on_pin] < 0.0).any())
+
+    low, high = 0.0, 1e-3
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if touches(middle) else (middle, high)
+    slack = radius * (1.0 / math.cos(math.pi / 32) - 1.0)
+    assert 0.5 * (clearance - slack) <= high <= 0.5 * clearance + slack
+
+
+# --- falling on the pins ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("layout", "x", "y", "yaw"),
+    [
+        (ROUND, 1e-3, 0.0, 0.0),
+        (ROUND, 0.0, 1e-3, 0.0),
+        (ROUND, 0.7e-3, -0.7e-3, 0.0),
+        (ROUND, 0.0, 0.0, 0.005),
+        (TAPER, -1e-3, 0.0, 0.0),
+        (TAPER, 0.7e-3, 0.7e-3, 0.0),
+    ],
+)
+def test_tips_centre_a_sheet_that_is_a_millimetre_off(
+    layout: LayoutConfig, x: float, y: float, yaw: float
+) -> None:
+    scene = fallen(layout, x, y, yaw)
+    away = scene.pins.offsets()
+    # Discretisation-limited: half the clearance and 20 µm for the ring and the soft contact.
+    assert np.hypot(*away[:, :2].T).max() <= HALF_CLEARANCE_M + 20e-6
+    # Discretisation-limited: the contacts' softness under a weight of 0.3 N.
+    np.testing.assert_allclose(away[:, 2], 0.0, atol=5e-6)
+
+
+@pytest.mark.parametrize(
+    ("layout", "x", "y", "yaw"),
+    [(ROUND, 1e-3, 0.0, 0.0), (ROUND, 0.0, 1e-3, 0.0), (TAPER, -1e-3, 0.0, 0.0)],
+)
+def test_at_rest_the_bed_carries_the_weight(
+    layout: LayoutConfig, x: float, y: float, yaw: float
+) -> None:
+    scene = fallen(layout, x, y, yaw)
+    contacts = scene.contacts()
+    total = np.sum([force for _, _, force in contacts], axis=0)
+    # Statics: equilibrium, with what motion is left after 1.5 s.
+    np.testing.assert_allclose(total, [0.0, 0.0, WEIGHT_N], atol=0.02 * WEIGHT_N)
+    bed = scene.model.geom("bed").id
+    upward = sum(force[2] for _, other, force in contacts if other == bed)
+    assert upward == pytest.approx(WEIGHT_N, rel=0.05)
+    # Feet lie on it and nothing else of the sheet.
+    assert all(
+        scene.model.geom(own).name.startswith("foot_") for own, other, _ in contacts if other == bed
+    )
+
+
+@pytest.mark.parametrize("layout", [ROUND, TAPER])
+def test_three_millimetres_off_the_sheet_lies_on_the_tips(layout: LayoutConfig) -> None:
+    """A pin of 4.76 mm does not go into a hole of 4.96 mm that leaves its top uncovered by 3 mm."""
+    scene = fallen(layout, 3e-3, 0.0, 0.0)
+    away = scene.pins.offsets()
+    # Statics: where it was let go; its ends hang by micrometres between and beyond the pins.
+    np.testing.assert_allclose(away[:, :2], [[3e-3, 0.0]] * 4, atol=20e-6)
+    np.testing.assert_allclose(away[:, 2], layout.pins.height_m, atol=20e-6)
+    contacts = scene.contacts()
+    on_pins = {scene.model.geom(other).name for _, other, _ in contacts}
+    assert on_pins == {f"pin_{name}" for name in HOLES}
+    total = np.sum([force for _, _, force in contacts], axis=0)
+    np.testing.assert_allclose(total, [0.0, 0.0, WEIGHT_N], atol=0.01 * WEIGHT_N)
+
+
+def test_the_pins_sensors_tell_the_sum_and_the_largest_of_their_contacts() -> None:
+    """On the tips, four pins share the weight; each one's force is that of its contacts."""
+    scene = fallen(ROUND, 3e-3, 0.0, 0.0)
+    scene.pins.peaks()
+    scene.pins.look()
+    net, edge = scene.pins.peaks()
+    for i, name in enumerate(HOLES):
+        pin = scene.model.geom(f"pin_{name}").id
+        forces = np.array([force for _, other, force in scene.contacts() if other == pin])
+        # Analytic: the same contacts, summed here.
+        assert net[i] == pytest.approx(np.linalg.norm(forces.sum(axis=0)), rel=1e-9)
+        assert edge[i] == pytest.approx(np.linalg.norm(forces, axis=1).max(), rel=1e-9)
+    # Statics: all upright.
+    assert net.sum() == pytest.approx(WEIGHT_N, rel=0.01)
+    # What was read begins anew.
+    np.testing.assert_array_equal(scene.pins.peaks(), 0.0)
+
+
+def test_peaks_are_the_largest_since_they_were_read() -> None:
+    scene = Scene(ROUND)
+    scene.put(3e-3, 0.0, ROUND.pins.height_m + 1e-3)
+    seen = []
+    for _ in range(60):
+        mujoco.mj_step(scene.model, scene.data)
+        scene.pins.look()
+        read = [scene.data.sensor(f"net_{name}").data.copy() for name in HOLES]
+        seen.append(np.linalg.norm(read, axis=1))
+    # The blow is over by now: the largest is not the last. Analytic: the same numbers.
+    largest = np.max(seen, axis=0)
+    assert (largest > 2.0 * seen[-1]).all()
+    np.testing.assert_allclose(scene.pins.peaks()[0], largest, rtol=1e-12)
+
+
+# --- one on another -----------------------------------------------------------------------------
+
+
+def test_laid_sheets_hold_the_next_one_up_by_their_thickness() -> None:
+    scene = Scene(ROUND, laid=2)
+    t = SHEET.thickness_m
+    for below in range(3):
+        scene.put(2e-5, 0.0, below * t + 3e-4)
+        scene.fall(0.6)
+        away = scene.pins.offsets()
+        # Discretisation-limited: the contacts' softness under 0.3 N.
+        np.testing.assert_allclose(away[:, 2], below * t, atol=5e-6)
+        total = np.sum([force for _, _, force in scene.contacts()], axis=0)
+        np.testing.assert_allclose(total, [0.0, 0.0, WEIGHT_N], atol=0.02 * WEIGHT_N)
+        if below < 2:
+            scene.pins.lay(below)
+
+
+def test_a_laid_sheet_is_a_copy_of_every_strip() -> None:
+    scene = Scene(ROUND, laid=1)
+    scene.put(1e-3, -2e-3, 5e-3, 0.1)
+    scene.data.qpos[7:] = 0.01
+    mujoco.mj_forward(scene.model, scene.data)
+    plates = [scene.model.geom(f"{strip_body(i)}_plate").id for i in range(STRIPS.hinges + 1)]
+    place, turn = scene.data.geom_xpos[plates].copy(), scene.data.geom_xmat[plates].copy()
+    scene.pins.lay(0)
+    scene.put(0.0, 0.0, 0.1)
+    copies = [scene.model.body(f"laid_0_{i:02d}").id for i in range(STRIPS.hinges + 1)]
+    # Analytic: the same poses, through a quaternion.
+    np.testing.assert_allclose(scene.data.xpos[copies], place, atol=1e-12)
+    np.testing.assert_allclose(scene.data.xmat[copies], turn, atol=1e-12)

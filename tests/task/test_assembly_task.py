@@ -1,0 +1,494 @@
+"""The robots' program against a world of a few springs: its order, what it feels, when it gives up.
+
+The stand-in world answers each goal with what sensors would tell of a sheet on ideal arms. It knows
+where the pins are; the program only gets forces, gaps and how far the grips are off.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import groupby
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.integrate import solve_bvp
+
+from dualbend.beam.path import ExactPath
+from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
+from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.control.object_admittance import ObjectComplianceConfig
+from dualbend.task.assembly import (
+    PHASES,
+    AssemblyConfig,
+    AssemblyTask,
+    Goal,
+    Posture,
+    SearchConfig,
+    Sensed,
+    SpeedsConfig,
+    TaskStopped,
+    search_pattern,
+)
+
+Array = NDArray[np.float64]
+SHEET = Sheet(
+    length_m=0.4,
+    width_m=0.057,
+    thickness_m=0.0005,
+    young_pa=70.3e9,
+    poisson_ratio=0.33,
+    density_kg_per_m3=2680,
+)
+T, WEIGHT_N = SHEET.thickness_m, SHEET.mass_kg * GRAVITY_M_PER_S2
+BEND_RAD, TOUCH_RAD = 0.18, 0.06
+COMPLIANT = AssemblyConfig(compliance=ObjectComplianceConfig(), timeout_s=1.0)
+RIGID = AssemblyConfig(timeout_s=1.0)
+STAND_Z = COMPLIANT.layout.stand.top_m + T / 2
+SEAT_Z = COMPLIANT.layout.bed.top_m + T / 2
+HEIGHT = COMPLIANT.layout.pins.height_m
+FEW = msgspec.structs.replace(COMPLIANT, search=SearchConfig(attempts=4))
+
+
+def make(config: AssemblyConfig = COMPLIANT) -> AssemblyTask:
+    return AssemblyTask(
+        config=config,
+        sheet=SHEET,
+        path=ExactPath(SHEET.length_m, BEND_RAD),
+        touch_rad=TOUCH_RAD,
+        bend_speed_rad_per_s=0.15,
+    )
+
+
+@dataclass
+class World:
+    """Springs in place of a sheet: ``middle_at`` (x, y) and ``outer_at`` (yaw) where holes fit.
+
+    None: wherever the sheet is. Held up, it pushes like the task's own believed stiffness.
+    """
+
+    task: AssemblyTask
+    ends: tuple[bool, bool] = (True, True)
+    weight: float = 1.0
+    middle_at: Callable[[Posture], bool] = lambda _: True
+    outer_at: Callable[[Posture], bool] = lambda _: True
+    error_m: float = 0.0
+    jaws_open: bool = True
+    goals: list[Goal] = field(default_factory=list)
+
+    def answer(self, goal: Goal) -> Sensed:
+        self.goals.append(goal)
+        posture, task = goal.posture, self.task
+        thick = np.array([T if there else 0.0 for there in self.ends])
+        opening = posture.opening if self.jaws_open else 0.0
+        gap = np.maximum(2.0 * opening, thick)
+        held = 1 <= goal.phase <= PHASES.index("seat outer")
+        seat = SEAT_Z + task.laid * T
+        vertical = np.zeros(2)
+        if held and posture.z > STAND_Z + 1e-3 or goal.phase > 3:
+            vertical -= 0.5 * self.weight * WEIGHT_N
+        if posture.alpha > 0.0 or goal.phase >= PHASES.index("unfold"):
+            vertical += 0.5 * self._middle(posture, seat)
+            vertical += self._outer(goal)
+        net = np.array([0.0, 0.0, vertical.sum(), 0.0])
+        return Sensed(net=net, vertical=vertical, gap=gap, error_m=self.error_m)
+
+    def _middle(self, posture: Posture, seat: float) -> float:
+        """Rest on the bed where the holes fit, else on the tips."""
+        press = self.task.press_force_n / self.task.config.press_m * max(seat - posture.z, 0.0)
+        if self.middle_at(posture):
+            return press
+        stiffness = self.task.tip_force_n / HEIGHT
+        return max(press, stiffness * (seat + HEIGHT - posture.z))
+
+    def _outer(self, goal: Goal) -> float:
+        if goal.phase < PHASES.index("unfold") or self.outer_at(goal.posture):
+            return 0.0
+        overhang = 0.5 * SHEET.length_m - self.task.config.layout.holes.outer.along_m
+        stiffness = 3.0 * SHEET.bending_stiffness_nm2 / overhang**3
+        down = SHEET.length_m / math.pi * (TOUCH_RAD - goal.posture.alpha)
+        return stiffness * max(down, 0.0)
+
+
+def play(world: World) -> list[Goal]:
+    """Run the program in its world; return all goals."""
+    steps = world.task.steps()
+    goal = next(steps)
+    while True:
+        try:
+            goal = steps.send(world.answer(goal))
+        except StopIteration:
+            return world.goals
+
+
+def stopped(world: World) -> str:
+    with pytest.raises(TaskStopped) as stop:
+        play(world)
+    return str(stop.value)
+
+
+def phases(goals: list[Goal]) -> list[str]:
+    return [PHASES[phase] for phase, _ in groupby(goals, key=lambda goal: goal.phase)]
+
+
+def attempts(goals: list[Goal], phase: str) -> list[list[Goal]]:
+    """Return the goals of each attempt in a phase."""
+    number = PHASES.index(phase)
+    mine = [goal for goal in goals if goal.phase == number]
+    return [list(group) for _, group in groupby(mine, key=lambda goal: goal.attempt)]
+
+
+# --- order and way-points -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("config", [COMPLIANT, RIGID])
+def test_a_sheet_that_fits_is_laid_in_the_order_of_the_phases(config: AssemblyConfig) -> None:
+    goals = play(World(make(config)))
+    assert phases(goals) == list(PHASES)
+    assert {goal.attempt for goal in goals} == {0}
+
+
+def test_a_book_is_that_many_times_the_same_each_a_thickness_higher() -> None:
+    config = msgspec.structs.replace(COMPLIANT, sheets=3)
+    task = make(config)
+    goals = play(World(task))
+    assert phases(goals) == list(PHASES) * 3
+    assert task.laid == 3
+    lowest = [
+        min(goal.posture.z for goal in group)
+        for phase, group in groupby(goals, key=lambda goal: goal.phase)
+        if PHASES[phase] == "seat middle"
+    ]
+    # Analytic: the bed, the sheets below, half of the sheet, less the press.
+    expected = [SEAT_Z + n * T - config.press_m for n in range(3)]
+    np.testing.assert_allclose(lowest, expected, atol=1e-12)
+
+
+def test_the_phases_end_at_the_waypoints() -> None:
+    """What is examined before a run is what is gone through in it."""
+    task = make()
+    named, start = dict(task.waypoints()), task.start
+    goals = play(World(task))
+    ends = {PHASES[goal.phase]: goal.posture for goal in goals}
+    away = COMPLIANT.retreat_m
+    # Analytic: the same numbers; the last one of a phase is its way-point.
+    assert goals[0].posture.y == named["approach"].y == 0.30
+    assert start == named["approach"]
+    for phase in ("grasp", "lift", "carry", "bend", "lower"):
+        np.testing.assert_allclose(
+            dataclasses.astuple(ends[phase]), dataclasses.astuple(named[phase]), atol=1e-12
+        )
+    flat = Posture(y=0.0, z=SEAT_Z)
+    np.testing.assert_allclose(
+        dataclasses.astuple(ends["seat outer"]), dataclasses.astuple(flat), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        dataclasses.astuple(named["unfold"]), dataclasses.astuple(flat), atol=1e-12
+    )
+    assert ends["withdraw"] == dataclasses.replace(
+        flat, retreat=away, opening=COMPLIANT.jaw_opening_m
+    )
+
+
+def rates(goals: list[Goal]) -> dict[str, float]:
+    """Return the largest change of each component of the posture from cycle to cycle, per second."""
+    table = np.array([dataclasses.astuple(goal.posture) for goal in goals])
+    names = [item.name for item in dataclasses.fields(Posture)]
+    steps = np.abs(np.diff(table, axis=0)).max(axis=0) / COMMAND_PERIOD_S
+    way = np.linalg.norm(np.diff(table[:, :3], axis=0), axis=1).max() / COMMAND_PERIOD_S
+    return dict(zip(names, steps.tolist(), strict=True)) | {"way": float(way)}
+
+
+def misfits(number: int) -> Callable[[Posture], bool]:
+    """Return a middle that fits only at this place of the search pattern."""
+    x, y = search_pattern(FEW.search)[number]
+    return lambda posture: math.dist((posture.x, posture.y), (x, y)) < 1e-6
+
+
+@pytest.mark.parametrize("place", [0, 3])
+def test_no_goal_jumps(place: int) -> None:
+    """Every component stays below its configured speed, through retries and the next sheet too."""
+    config = msgspec.structs.replace(FEW, sheets=2)
+    world = World(make(config), middle_at=misfits(place))
+    goals = [Goal(phase=0, posture=world.task.start), *play(world)]
+    found, speeds = rates(goals), config.speeds
+    # Analytic bounds: peaks of the polynomials; back from a touch at 2 /s times the softness.
+    assert found["way"] <= speeds.travel_m_per_s * (1 + 1e-9)
+    assert found["retreat"] <= speeds.travel_m_per_s * (1 + 1e-9)
+    assert found["opening"] <= speeds.jaw_m_per_s * (1 + 1e-9)
+    assert found["alpha"] <= max(0.15, speeds.unfold_rad_per_s) * (1 + 1e-9)
+    assert found["yaw"] <= speeds.unfold_rad_per_s * (1 + 1e-9)
+
+
+@settings(max_examples=12)
+@given(
+    st.floats(0.02, 1.0),
+    st.floats(1e-3, 0.02),
+    st.floats(2e-3, 0.05),
+    st.floats(0.03, 0.5),
+    st.floats(0.02, 0.3),
+    st.floats(5e-3, 0.1),
+)
+def test_no_speed_is_above_its_bound_whatever_the_bounds(
+    travel: float, contact: float, seat: float, unfold: float, touch: float, jaw: float
+) -> None:
+    speeds = SpeedsConfig(
+        travel_m_per_s=travel,
+        contact_m_per_s=contact,
+        seat_m_per_s=seat,
+        unfold_rad_per_s=unfold,
+        contact_rad_per_s=touch,
+        jaw_m_per_s=jaw,
+    )
+    config = msgspec.structs.replace(RIGID, speeds=speeds)
+    goals = play(World(make(config)))
+    of = {name: [g for g in goals if PHASES[g.phase] == name] for name in PHASES}
+    # Analytic bounds, phase by phase.
+    assert rates(of["carry"])["way"] <= travel * (1 + 1e-9)
+    assert rates(of["bend"])["alpha"] <= 0.15 * (1 + 1e-9)
+    assert rates(of["unfold"])["alpha"] <= unfold * (1 + 1e-9)
+    assert rates(of["lower outer"])["alpha"] <= touch * (1 + 1e-9)
+    assert rates(of["grasp"])["opening"] <= jaw * (1 + 1e-9)
+    near = [g for g in of["lower"] if g.posture.z < SEAT_Z + HEIGHT + 1.4e-3]
+    tips = [g for g in near if g.posture.z > SEAT_Z + HEIGHT - 0.5 * 4.76e-3 - 1.4e-3]
+    assert rates(tips)["z"] <= contact * (1 + 1e-9)
+    assert rates(near)["z"] <= max(contact, seat) * (1 + 1e-9)
+
+
+# --- when the sheet may comply ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", [0, 3])
+def test_the_sheet_complies_only_where_it_may_touch(place: int) -> None:
+    goals = play(World(make(FEW), middle_at=misfits(place)))
+    for goal in goals:
+        name = PHASES[goal.phase]
+        if name in ("approach", "grasp", "lift", "carry", "bend", "release", "withdraw"):
+            assert goal.bend is None, name
+        if name.startswith("seat"):
+            assert goal.bend is not None, name
+        if goal.bend is not None:
+            # The stiffness that is scheduled is that of a sheet bent this far.
+            assert goal.bend <= goal.posture.alpha / BEND_RAD + 1e-12
+            assert goal.bend >= 0.0
+        assert not goal.seeking or name in ("lower", "lower outer")
+    seeking = [goal for goal in goals if goal.seeking]
+    # It seeks where it is held up, and only there.
+    assert bool(seeking) == (place > 0)
+    assert all(goal.bend is not None for goal in seeking)
+
+
+def test_rigid_arms_never_comply_nor_seek() -> None:
+    world = World(make(RIGID))
+    assert not any(goal.seeking for goal in play(world))
+
+
+# --- what each phase senses ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("ends", "side"), [((False, True), "left"), ((True, False), "right"), ((False, False), "left")]
+)
+def test_a_gap_that_closes_stops_in_the_grasp(ends: tuple[bool, bool], side: str) -> None:
+    world = World(make(), ends=ends)
+    assert stopped(world) == (
+        f"grasp: nothing is between the {side} jaws: they closed to 0.00 mm, the sheet has 0.50 mm"
+    )
+    assert phases(world.goals) == ["approach", "grasp"]
+    # It stops with its grippers where they closed.
+    assert world.goals[-1].posture.z == pytest.approx(STAND_Z)
+
+
+@pytest.mark.parametrize("weight", [0.1, 0.45, 1.55])
+def test_what_is_lifted_must_weigh_what_the_sheet_does(weight: float) -> None:
+    world = World(make(), weight=weight)
+    assert stopped(world) == (
+        f"lift: the arms carry {weight * WEIGHT_N:.2f} N, the sheet weighs {WEIGHT_N:.2f} N"
+    )
+    assert phases(world.goals)[-1] == "lift"
+
+
+@pytest.mark.parametrize("weight", [0.55, 1.0, 1.45])
+def test_a_weight_within_half_of_it_is_carried_on(weight: float) -> None:
+    assert phases(play(World(make(), weight=weight))) == list(PHASES)
+
+
+@pytest.mark.parametrize("config", [FEW, msgspec.structs.replace(FEW, compliance=None)])
+def test_held_up_middle_is_searched_for_at_every_place_then_given_up(
+    config: AssemblyConfig,
+) -> None:
+    world = World(make(config), middle_at=lambda _: False)
+    reason = stopped(world)
+    assert reason.startswith(
+        "seat middle: the middle holes did not find their pins in 5 attempts: "
+        "the sheet is held up with "
+    )
+    tried = [
+        (group[-1].posture.x, group[-1].posture.y) for group in attempts(world.goals, "seat middle")
+    ]
+    # Written out: in place, along, against, across both ways.
+    s = config.search.step_m
+    np.testing.assert_allclose(tried, [(0, 0), (s, 0), (-s, 0), (0, s), (0, -s)], atol=1e-12)
+    assert "unfold" not in phases(world.goals)
+
+
+@pytest.mark.parametrize("place", [0, 1, 4])
+def test_the_search_ends_where_the_holes_fit(place: int) -> None:
+    goals = play(World(make(FEW), middle_at=misfits(place)))
+    assert len(attempts(goals, "seat middle")) == place + 1
+    assert phases(goals)[-1] == "withdraw"
+    # Between two places it is up, above the tips.
+    for group in attempts(goals, "lower")[1:]:
+        assert max(goal.posture.z for goal in group) >= SEAT_Z + HEIGHT
+
+
+@pytest.mark.parametrize("config", [FEW, msgspec.structs.replace(FEW, compliance=None)])
+def test_a_held_up_end_is_tried_again_then_given_up(config: AssemblyConfig) -> None:
+    world = World(make(config), outer_at=lambda _: False)
+    reason = stopped(world)
+    assert reason.startswith(
+        "seat outer: the outer holes did not find their pins in 5 attempts: an end is held up with "
+    )
+    groups = attempts(world.goals, "seat outer")
+    assert len(groups) == 5
+    # The middle stays on its pins: only the turn and the bend are tried again.
+    for goal in (goal for group in groups for goal in group):
+        assert (goal.posture.x, goal.posture.y) == (0.0, 0.0)
+        assert goal.posture.z <= SEAT_Z + 1e-12
+    assert "release" not in phases(world.goals)
+
+
+def test_a_turn_finds_the_outer_pins() -> None:
+    goals = play(World(make(FEW), outer_at=lambda posture: posture.yaw > 1e-3))
+    groups = attempts(goals, "seat outer")
+    assert len(groups) > 1
+    assert groups[-1][-1].posture.yaw > 1e-3
+    assert phases(goals)[-1] == "withdraw"
+
+
+@pytest.mark.parametrize("attempts_allowed", [0, 2])
+def test_recovery_is_bounded_in_time(attempts_allowed: int) -> None:
+    """Each attempt may wait the time-out at most, besides its motions of some seconds."""
+    config = msgspec.structs.replace(COMPLIANT, search=SearchConfig(attempts=attempts_allowed))
+    world = World(make(config), middle_at=lambda _: False)
+    stopped(world)
+    lowering = [goal for goal in world.goals if PHASES[goal.phase] in ("lower", "seat middle")]
+    seconds = len(lowering) * COMMAND_PERIOD_S
+    # Two guarded motions, one settling; 7 s of motion at the default speeds.
+    assert seconds <= (attempts_allowed + 1) * (3 * config.timeout_s + 7.0)
+
+
+# --- time-outs ----------------------------------------------------------------------------------
+
+
+def test_grips_that_do_not_arrive_stop_the_task_in_time() -> None:
+    world = World(make(), error_m=2e-3)
+    assert stopped(world) == "approach: the grips are not where they were sent after 1 s"
+    moving = next(i for i, g in enumerate(world.goals) if g.posture == world.goals[-1].posture)
+    waited = (len(world.goals) - moving) * COMMAND_PERIOD_S
+    # Analytic: half a second to average, the time-out, each rounded up to cycles.
+    assert waited == pytest.approx(18 * COMMAND_PERIOD_S + 1.0, abs=3 * COMMAND_PERIOD_S)
+
+
+def test_jaws_that_do_not_open_stop_the_task() -> None:
+    task = make()
+    world = World(task)
+    answer = world.answer
+
+    def stuck(goal: Goal) -> Sensed:
+        world.jaws_open = PHASES[goal.phase] != "release"
+        return answer(goal)
+
+    world.answer = stuck  # type: ignore[method-assign]
+    assert stopped(world) == "release: the jaws have not opened after 1 s"
+    assert "withdraw" not in phases(world.goals)
+
+
+def test_jaws_that_never_rest_stop_the_task() -> None:
+    world = World(make())
+    answer, count = world.answer, [0]
+
+    def shaking(goal: Goal) -> Sensed:
+        sensed = answer(goal)
+        count[0] += 1
+        return dataclasses.replace(sensed, gap=sensed.gap + 0.3 * T * (count[0] % 2))
+
+    world.answer = shaking  # type: ignore[method-assign]
+    assert stopped(world) == "grasp: the jaws have not come to rest after 1 s"
+
+
+# --- numbers ------------------------------------------------------------------------------------
+
+
+def test_a_constant_offset_of_the_force_sensors_is_not_felt() -> None:
+    """Support is told against the bent sheet in the air, so that a bias of 0.1 N is none."""
+    world = World(make())
+    answer = world.answer
+
+    def biased(goal: Goal) -> Sensed:
+        sensed = answer(goal)
+        bias = np.array([0.05, 0.05])
+        return dataclasses.replace(
+            sensed, vertical=sensed.vertical + bias, net=sensed.net + [0.3, -0.2, 0.1, 0.05]
+        )
+
+    world.answer = biased  # type: ignore[method-assign]
+    assert phases(play(world)) == list(PHASES)
+    # Analytic: the difference of two equal numbers.
+    touched = world.task.contact_wrench(np.array([0.3, -0.2, 0.0, 0.05]))
+    np.testing.assert_allclose(touched, 0.0, atol=1e-12)
+
+
+@given(st.integers(0, 40), st.floats(1e-5, 1e-2))
+def test_the_search_pattern_is_in_rings_and_never_the_same_place(count: int, step: float) -> None:
+    places = search_pattern(SearchConfig(attempts=count, step_m=step))
+    assert len(places) == count + 1
+    assert places[0] == (0.0, 0.0)
+    assert len(set(places)) == len(places)
+    rings = [round(max(abs(x), abs(y)) / step) for x, y in places]
+    assert rings == [0, *(1 + n // 8 for n in range(count))]
+
+
+def held_force(height: float) -> float:
+    """Return the force that holds the bent sheet's middle at a height, from the work it does.
+
+    Of all θ(s) of half the sheet, s from the grip, ends given: E = ∫ (EI θ'²/2 + q z) ds is least,
+    EI θ'' = λx sin θ + (λz − q (ℓ − s)) cos θ, and 2 λz = 2 dE/dh is the force.
+    """
+    EI, half_length = SHEET.bending_stiffness_nm2, 0.5 * SHEET.length_m
+    q = SHEET.weight_per_length_n_per_m
+    half, rise = ExactPath(SHEET.length_m, BEND_RAD).at(BEND_RAD)
+
+    def rate(s: Array, y: Array, lagrange: Array) -> Array:
+        across = lagrange[1] - q * (half_length - s)
+        bend = (lagrange[0] * np.sin(y[2]) + across * np.cos(y[2])) / EI
+        return np.stack([np.cos(y[2]), -np.sin(y[2]), y[3], bend])
+
+    def ends(first: Array, last: Array, lagrange: Array) -> Array:
+        del lagrange
+        begin = first[:3] - [-half, rise, BEND_RAD]
+        return np.concatenate((begin, last[:3] - [0.0, height, 0.0]))
+
+    s = np.linspace(0.0, half_length, 41)
+    share = s / half_length
+    guess = np.stack(
+        [-half * (1 - share), rise * (1 - share) ** 2, BEND_RAD * (1 - share), 0 * s - 0.9]
+    )
+    found = solve_bvp(rate, ends, s, guess, p=[-0.05, 0.0], tol=1e-8, max_nodes=20000)
+    assert found.success
+    return 2.0 * float(found.p[1])
+
+
+@pytest.mark.parametrize("height", [0.0, 0.2e-3, 2e-3, 6e-3])
+def test_the_force_between_rigid_grips_is_that_of_least_energy(height: float) -> None:
+    # Both solve the same equations, to 1e-6 or so: no discretisation to speak of.
+    assert make()._middle_force(height) == pytest.approx(held_force(height), rel=1e-3, abs=1e-5)
+
+
+def test_the_press_is_less_than_what_tells_of_a_tip() -> None:
+    task = make()
+    assert 0.0 < task.press_force_n < task.tip_force_n
