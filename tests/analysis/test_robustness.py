@@ -37,6 +37,7 @@ from dualbend.analysis.robustness_study import RUNS, SCENARIO, STUDY, run_study
 from dualbend.analysis.robustness_summary import command, success_interval, summarise, table
 from dualbend.errors import DualbendError, InputError
 from dualbend.run.scenario import Scenario, load_scenario
+from dualbend.scene.simulation import Observation, Simulation
 from dualbend.task.assembly import ErrorsConfig, SpreadConfig
 
 
@@ -281,6 +282,22 @@ def test_a_run_that_cannot_be_made_is_a_trial() -> None:
     assert (found.outcome, found.phase, found.cause) == ("refused", "before the run", "refused")
     assert "path.end_rad = 0.02" in found.reason
     assert found.peak_pin_force_n is None
+
+
+def test_a_run_that_raises_is_a_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Analytic: the study goes on, and says in which phase the error was."""
+
+    observe = Simulation.observe
+
+    def raising(simulation: Simulation) -> Observation:
+        if simulation.data.time > 0.1:
+            raise ZeroDivisionError("by nothing")
+        return observe(simulation)
+
+    monkeypatch.setattr(Simulation, "observe", raising)
+    found = run_one(PWB, 1, 0, True)
+    assert (found.outcome, found.phase, found.cause) == ("error", "approach", "error")
+    assert found.reason == "ZeroDivisionError: by nothing"
 
 
 @pytest.mark.parametrize(

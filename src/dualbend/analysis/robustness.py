@@ -16,8 +16,9 @@ from dualbend.analysis.assembly_metrics import pin_table, seated
 from dualbend.analysis.metrics import surface_strain
 from dualbend.errors import DualbendError, InputError
 from dualbend.run.make import make_run
-from dualbend.run.runner import RunResult
+from dualbend.run.runner import Run, RunResult
 from dualbend.run.scenario import Scenario
+from dualbend.run.trace import Trace
 from dualbend.scene.bed import HOLES, hole_places
 from dualbend.task.assembly import AssemblyConfig, ErrorsConfig
 
@@ -139,14 +140,17 @@ def run_one(scenario: Scenario, seed: int, index: int, compliance: bool) -> Tria
     drawn = draw(scenario, seed, index)
     if not compliance:
         drawn = without_compliance(drawn)
+    run: Run | None = None
     try:
-        return _judge(make_run(drawn).run(), index)
+        run = make_run(drawn)
+        return _judge(run.run(), index)
     except DualbendError as error:
         outcome, cause, reason = "refused", REFUSED, str(error)
     except Exception as error:  # one bad run must not end the study
         outcome, cause, reason = "error", RAISED, f"{type(error).__name__}: {error}"
+    reached = BEFORE if run is None else _phase(run.phases, getattr(run, "trace", None))
     return trial(
-        drawn, index, success=False, outcome=outcome, reason=reason, phase=BEFORE, cause=cause
+        drawn, index, success=False, outcome=outcome, reason=reason, phase=reached, cause=cause
     )
 
 
@@ -170,9 +174,7 @@ def _judge(result: RunResult, index: int) -> Trial:
     success = result.outcome == "completed" and count == len(HOLES) * config.sheets
     phase, cause = "", ""
     if result.outcome != "completed":
-        rows = result.trace.rows
-        phase = result.phases[int(result.trace["phase"][-1])] if rows else BEFORE
-        cause = cause_of(result.reason)
+        phase, cause = _phase(result.phases, result.trace), cause_of(result.reason)
     elif not success:
         phase, cause = AFTER, NOT_SEATED
     forces = [row["peak_force_n"] for row in pin_table(result)] if result.trace.rows else []
@@ -192,6 +194,10 @@ def _judge(result: RunResult, index: int) -> Trial:
         peak_surface_strain=float(strain.max()) if strain.size else None,
         simulated_s=result.simulated_s,
     )
+
+
+def _phase(phases: tuple[str, ...], trace: Trace | None) -> str:
+    return phases[int(trace["phase"][-1])] if trace is not None and trace.rows else BEFORE
 
 
 def cause_of(reason: str) -> str:
