@@ -25,6 +25,7 @@ from dualbend.scene.bed import LayoutConfig
 
 Vector = NDArray[np.float64]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 
 PHASES = (
     "approach",
@@ -101,12 +102,28 @@ class ErrorsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         )
 
 
+class SpreadConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Standard deviations of what differs from sheet to sheet; those without a unit are relative.
+
+    ``hole_m`` is that of each hole along the sheet, and across it.
+    """
+
+    pickup_x_m: NotNegative = 0.3e-3
+    pickup_y_m: NotNegative = 0.3e-3
+    pickup_yaw_rad: NotNegative = math.radians(0.2)
+    hole_m: NotNegative = 0.01e-3
+    thickness: NotNegative = 0.02
+    modulus: NotNegative = 0.02
+    friction: NotNegative = 0.2
+
+
 class AssemblyConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The workplace and how the robots go about it."""
 
     layout: LayoutConfig = LayoutConfig()
     sheets: Annotated[int, msgspec.Meta(ge=1, le=10, description="of the book")] = 1
     errors: ErrorsConfig = ErrorsConfig()
+    spread: SpreadConfig = SpreadConfig()
     speeds: SpeedsConfig = SpeedsConfig()
     search: SearchConfig = SearchConfig()
     limits: LimitsConfig = LimitsConfig()
