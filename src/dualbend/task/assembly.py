@@ -64,7 +64,7 @@ class SpeedsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     contact_m_per_s: Positive = 0.003
     seat_m_per_s: Positive = 0.010
     unfold_rad_per_s: Positive = 0.1
-    contact_rad_per_s: Positive = 0.05
+    contact_rad_per_s: Positive = 0.03
     jaw_m_per_s: Positive = 0.02
 
 
