@@ -286,7 +286,6 @@ def test_a_run_that_cannot_be_made_is_a_trial() -> None:
 
 def test_a_run_that_raises_is_a_trial(monkeypatch: pytest.MonkeyPatch) -> None:
     """Analytic: the study goes on, and says in which phase the error was."""
-
     observe = Simulation.observe
 
     def raising(simulation: Simulation) -> Observation:

@@ -39,6 +39,7 @@ CAUSES = (
     ("range's end", "end of a joint's range"),
     ("speed of", "joint speed"),
     ("commanded", "out of reach"),
+    ("not done after", "took too long"),
     ("MuJoCo warning", "physics diverged"),
 )
 """What the reason of a run that ended early says, and the class that it belongs to; first match."""
