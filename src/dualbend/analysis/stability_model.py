@@ -6,6 +6,8 @@ is what runs; a stream of `comply()` calls and these blocks agree to rounding (t
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +59,7 @@ def _static(matrix: Vector) -> Blocks:
 def _leads(admittance: ModelAdmittance, point: ModelPoint) -> Blocks:
     """Return Λ E."""
     parts = parallel(
-        _static(np.eye(1)) if lead is None else realised(lead.transfer_function())
+        _static(np.eye(1)) if lead is None else realised(lead.transfer_function(point.lead_share))
         for lead in admittance.leads
     )
     return _static(point.estimate).then(parts)
@@ -101,7 +103,7 @@ def _closed(lead: Blocks, filters: Blocks, own: Blocks, last: Blocks) -> Blocks:
     sizes = [block.a.shape[0] for block in (lead, filters, own, last)]
     size = sum(sizes)
     starts = np.cumsum([0, *sizes])
-    state = [np.eye(size)[a:b] for a, b in zip(starts[:-1], starts[1:], strict=True)]
+    state = [np.eye(size)[a:b] for a, b in pairwise(starts)]
 
     def rows(on_state: Vector, on_wrench: Vector) -> Vector:
         return np.hstack([on_state, on_wrench])

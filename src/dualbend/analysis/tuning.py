@@ -103,7 +103,9 @@ def tune(
     start = msgspec.structs.replace(scenario, compliance=compliance)
     search = _Search(start, least, seeds, on_try)
     found = search.run()
-    tuned = msgspec.structs.replace(start, name=f"{scenario.name}-tuned", compliance=found.compliance)
+    tuned = msgspec.structs.replace(
+        start, name=f"{scenario.name}-tuned", compliance=found.compliance
+    )
     rows = predict(tuned).rows
     return Tuning(
         scenario=tuned,
@@ -202,9 +204,7 @@ def least_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
         if not any(acting):
             continue
         for way, stiffness in at.loops.items():
-            loop = SampledLoop(
-                elements, stiffness, acting, at.inertia, at.arms[way], at.alpha_rad
-            )
+            loop = SampledLoop(elements, stiffness, acting, at.inertia, at.arms[way], at.alpha_rad)
             if not (loop.mode().stable and loop.controller_stable):
                 return Margin(gain_db=-math.inf, phase_deg=-math.inf)
             found = loop_margins(loop, sweep, stable=True)

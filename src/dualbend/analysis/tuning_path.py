@@ -1,9 +1,9 @@
-"""A run told beforehand in a tenth of a second: the linear sheet along the path, the real controller.
+"""A run told beforehand in a tenth of a second: a simple sheet and the real controller.
 
 The wrench of the nominal motion (oracle, arms' give) is computed once. A candidate controller then
-runs cycle by cycle, as in the simulation, on w = w_nominal − K(α) q − M q̈ with the known tangent:
-first order in the deviations, so too small a stiffness where a sheet is compressed far beyond its
-zero-moment state. The simulation decides; this only ranks.
+runs cycle by cycle, as in the simulation, on w = w_nominal − K(α) q − M q̈ with the known tangent;
+along x the force follows the known curve. The moment is of first order in the deviations, so the
+first piece comes out too high. The simulation decides; this only ranks.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dualbend.analysis.stability_equilibrium import rest
 from dualbend.beam.tangent import sheet_wrench
 from dualbend.control.admittance import Admittance
-from dualbend.control.alter import COMMAND_PERIOD_S, steps_per_cycle
+from dualbend.control.alter import steps_per_cycle
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.control.predictor import ResponseModel
 from dualbend.run.known_sheet import ArmGive, known_sheet
@@ -81,7 +81,9 @@ class PathPrediction:
         for row, cycle in zip(wrenches, solved.tolist(), strict=True):
             x, z, alpha = self._now[cycle, :3].tolist()
             compliance, _ = give.at(x, z, alpha)
-            grips, both = np.array([x, 0.0, alpha] * 2), np.kron(np.eye(2), compliance + give.grasp)
+            grips = np.array([x, 0.0, alpha] * 2)
+            both: Vector = np.zeros((6, 6))
+            both[:3, :3] = both[3:, 3:] = compliance + give.grasp
             found = rest(sheet, grips, both, () if state is None else (state,))
             state = found.state
             row[:] = sheet_wrench(state)[:3]
@@ -118,7 +120,11 @@ class PathPrediction:
             here, _ = now.read()
             moments[n] = self._wrench[n, 2] - float(stiffness[2] @ here)
             before = self._wrench[max(n - 1, 0)]
-            sheet = self._wrench[n] + ago * (before - self._wrench[n]) - stiffness @ q
+            nominal = self._wrench[n] + ago * (before - self._wrench[n])
+            sheet = nominal - stiffness @ q
+            inward = self._known.displacement(float(nominal[0]), alpha)
+            inward += float(stiffness[0] @ q) / float(stiffness[0, 0])
+            sheet[0] = self._known.pressed_force(inward, alpha)
             along, across, torque = noise[n].tolist()
             c, s = math.cos(alpha), math.sin(alpha)
             error = [along * c + across * s, across * c - along * s, torque + lever * across]
@@ -133,6 +139,6 @@ class PathPrediction:
         return moments
 
     @property
-    def duration_s(self) -> float:
-        """How long the motion takes [s]."""
-        return len(self._pose) * COMMAND_PERIOD_S
+    def cycles(self) -> int:
+        """Number of command cycles of the motion."""
+        return len(self._pose)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from dualbend.control.admittance import Admittance, AdmittanceAxis, AdmittanceConfig, Deviation
 from dualbend.control.command_response import CommandResponseConfig
 from dualbend.control.force_reference import moment_rows, reference
-from dualbend.control.predictor import ResponseLead, ResponseModel
+from dualbend.control.predictor import ResponseLead, ResponseModel, lead_share
 from dualbend.control.schedule import FusionConfig, KnownSheet
 
 Vector = NDArray[np.float64]
@@ -32,7 +32,8 @@ class ModelPoint:
     ``rows`` (2, 3): what is taken of force x, z and moment; ``reference`` (2,); ``estimate`` E
     (2, 2): errors to deviations; ``stiffness`` K (2, 2) and ``inertia`` M (2, 3) of the
     prediction, ``sent`` (3, 2); ``gain`` (2,): what the filters' input is multiplied with;
-    ``slope``: of the curve that the force passes through, at the reference; 1 without a curve.
+    ``lead_share``: of
+    the error; ``slope``: of the curve that the force passes through, 1 without one.
     """
 
     rows: Vector
@@ -43,6 +44,7 @@ class ModelPoint:
     sent: Vector
     gain: Vector
     slope: float
+    lead_share: float
 
 
 class ModelAdmittance(Admittance):
@@ -109,6 +111,7 @@ class ModelAdmittance(Admittance):
             inertia=rows @ inertia * float(counts),
             sent=sent,
             gain=np.ones(2) if config.schedule else own,
+            lead_share=lead_share(config.predictor, alpha_rad) if config.predictor else 0.0,
             slope=self._slope(alpha_rad, float(stiffness[0, 0])),
         )
 
@@ -159,7 +162,7 @@ class ModelAdmittance(Admittance):
         e = point.estimate @ error
         for i, lead in enumerate(self.leads):
             if lead is not None:
-                e[i] = lead.update(float(e[i]))
+                e[i] += point.lead_share * (lead.update(float(e[i])) - e[i])
         if predicts:
             e -= point.estimate @ point.stiffness @ self._sent
         load = e * point.gain

@@ -31,19 +31,24 @@ class PredictorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
 
     ``lead_*_s``: where given, the error is also passed through the inverse of the response and two
     equal lags of this time: it is then known as of the command and not as of the answer to it,
-    and noisier. ``inertia``: of the known tool, also on the nominal motion.
+    and noisier. It fades out linearly over the second half of the way to ``lead_until_rad``: the
+    soft bent sheet weighs less in the readings than the tool's inertia does. ``inertia``: of the
+    known tool, also on the nominal motion.
     """
 
     lead_x_s: _Lead | None = None
     lead_rotation_s: _Lead | None = None
+    lead_until_rad: Annotated[
+        float, msgspec.Meta(gt=0, description="slope from which there is no lead any more [rad]")
+    ] = 1e3
     inertia: bool = True
 
 
 class ResponseLead:
     """The response's discrete poles as zeros, and twice the pole r = e^(−T/τ) instead.
 
-    H(z) = (1 − p₁ z⁻¹)(1 − p₂ z⁻¹)(1 − r)² / ((1 − p₁)(1 − p₂)(1 − r z⁻¹)²), with p = e^(s T) of the
-    poles s of G(s): unit gain at rest.
+    H(z) = (1 − p₁ z⁻¹)(1 − p₂ z⁻¹)(1 − r)² / ((1 − p₁)(1 − p₂)(1 − r z⁻¹)²), with p = e^(s T) of
+    the poles s of G(s): unit gain at rest.
     """
 
     def __init__(self, response: CommandResponseConfig, lag_s: float) -> None:
@@ -70,9 +75,15 @@ class ResponseLead:
         )
         return out
 
-    def transfer_function(self) -> TransferFunction:
-        """Tell H(z) in powers of z⁻¹."""
-        return self._numerator.copy(), self._denominator.copy()
+    def transfer_function(self, share: float = 1.0) -> TransferFunction:
+        """Tell share × H(z) + 1 − share in powers of z⁻¹."""
+        mixed = share * self._numerator + (1.0 - share) * self._denominator
+        return mixed, self._denominator.copy()
+
+
+def lead_share(config: PredictorConfig, alpha_rad: float) -> float:
+    """Return which share of the error passes through the lead."""
+    return min(max(2.0 - 2.0 * alpha_rad / config.lead_until_rad, 0.0), 1.0)
 
 
 class ResponseModel:

@@ -23,9 +23,9 @@ Vector = NDArray[np.float64]
 class ScheduleConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Gains as multiples of the known stiffness: b is a time [s] and k a ratio [1].
 
-    B(α) = b K(α) and K_c(α) = k K(α), with K the diagonal of the known stiffness. With ``curve`` the
-    force is taken as K₁₁ e(F), e the displacement along x at which the known sheet has this force:
-    compressed it is softer, taut it is stiffer than its tangent says.
+    B(α) = b K(α) and K_c(α) = k K(α), with K the diagonal of the known stiffness. With ``curve``
+    the force is taken as K₁₁ e(F), e the displacement along x at which the known sheet has this
+    force: compressed it is softer, taut it is stiffer than its tangent says.
     """
 
     from_rad: Annotated[
@@ -128,7 +128,7 @@ class KnownSheet:
         low, high = self.alpha_rad[i - 1], self.alpha_rad[i]
         part = min(max((alpha_rad - low) / (high - low), 0.0), 1.0)
         first, last = (self._on_curve(force_x_n, row) for row in (i - 1, i))
-        return first + part * (last - first)
+        return float(first + part * (last - first))
 
     def _on_curve(self, force_x_n: float, row: int) -> float:
         """Return the displacement at one of the angles; beyond the curve by the tangent."""
@@ -136,6 +136,14 @@ class KnownSheet:
         beyond = force_x_n - min(max(force_x_n, float(forces[0])), float(forces[-1]))
         on_it = float(np.interp(force_x_n, forces, self.pressed_m[row]))
         return on_it - beyond / float(self.stiffness[row, 0, 0])
+
+    def pressed_force(self, inward_m: float, alpha_rad: float) -> float:
+        """Return the force x on the arm [N] at a displacement of the nearest angle's curve."""
+        row = int(np.argmin(np.abs(self.alpha_rad - alpha_rad)))
+        curve = self.pressed_m[row]
+        beyond = inward_m - min(max(inward_m, float(curve[-1])), float(curve[0]))
+        on_it = float(np.interp(-inward_m, -curve, self.pressed_n[row]))
+        return on_it - beyond * float(self.stiffness[row, 0, 0])
 
     def tool(self, alpha_rad: float) -> tuple[Vector, Vector]:
         """Return the tool's inertia (3, 3) and what a deviation moves (3, 2)."""

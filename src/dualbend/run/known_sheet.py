@@ -216,7 +216,7 @@ class ArmGive:
         self.grasp = np.diag([translation, translation, rotation])
 
     def at(self, x_m: float, z_m: float, alpha_rad: float) -> tuple[Vector, Vector]:
-        """Return the joints' J K⁻¹ Jᵀ and the tool's inertia, both (3, 3) in x, z, α at the grip."""
+        """Return the joints' J K⁻¹ Jᵀ and the tool's inertia (3, 3) in x, z, α at the grip."""
         targets = grip_targets(np.array([[x_m, z_m, alpha_rad]] * 2))
         self._q = self._ik.solve_from_home(targets, self._q).q
         model, data = self._model, self._data
