@@ -29,12 +29,12 @@ from dualbend.run.scenario import Scenario
 
 BEYOND_THE_PAPER = AdmittanceConfig(
     units="sheet",
-    x=AxisConfig(b=0.04, k=0.01, form="static"),
-    rotation=AxisConfig(b=0.1, k=0.01, form="static"),
-    schedule=ScheduleConfig(),
-    reference=ReferenceConfig(known_weight=True),
-    fusion=FusionConfig(),
-    predictor=PredictorConfig(lead_x_s=0.03),
+    x=AxisConfig(b=0.025, k=0.01, form="static"),
+    rotation=AxisConfig(b=0.2, k=0.01, form="static"),
+    schedule=ScheduleConfig(from_rad=0.016, curve=True),
+    reference=ReferenceConfig(),
+    fusion=FusionConfig(moment_error_nm=0.01),
+    predictor=PredictorConfig(lead_x_s=0.021, lead_until_rad=0.6),
 )
 """Where the search starts for a scenario without a schedule."""
 
