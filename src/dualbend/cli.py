@@ -371,6 +371,77 @@ def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
 
 @main.command()
 @click.argument("scenario")
+@click.option("--runs", type=click.IntRange(min=1), required=True, help="Number of draws.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the draws."
+)
+@click.option(
+    "--workers", type=click.IntRange(1, 256), help="Parallel processes; else one for each core."
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the study.")
+@_SETTINGS
+def robustness(
+    scenario: str,
+    runs: int,
+    seed: int,
+    workers: int | None,
+    out: Path | None,
+    settings: tuple[str, ...],
+) -> None:
+    """Assemble many sheets that differ, with compliance and without.
+
+    The errors are drawn with the standard deviations of assembly.spread. The same command goes on
+    with a study that was interrupted.
+
+    Example: dualbend robustness pwb --runs 40 --workers 2
+    """
+    from dualbend.analysis.figures_robustness import plot_success
+    from dualbend.analysis.robustness_study import run_study
+    from dualbend.analysis.robustness_summary import summarise, table
+    from dualbend.errors import InputError
+    from dualbend.run.output import uninterrupted, write_summary
+    from dualbend.run.scenario import load_scenario
+
+    loaded = load_scenario(scenario, settings)
+    folder = out if out is not None else Path("runs") / f"{loaded.name}-robustness"
+    processes = workers if workers is not None else os.cpu_count() or 1
+    done, interrupted = 0, False
+    with click.progressbar(
+        length=0, label=loaded.name, file=sys.stderr, hidden=not sys.stderr.isatty()
+    ) as bar:
+
+        def show(count: int, total: int) -> None:
+            nonlocal done
+            bar.length = total
+            bar.update(count - done)
+            done = count
+
+        try:
+            trials = run_study(
+                loaded, folder, runs=runs, seed=seed, workers=processes, on_trial=show
+            )
+        except KeyboardInterrupt:
+            interrupted = True
+    if interrupted:
+        click.echo(
+            f"dualbend: interrupted after {done} of {bar.length} runs, kept in {folder}; "
+            "the same command goes on",
+            err=True,
+        )
+        sys.exit(EXIT_INTERRUPTED)
+    numbers = summarise(loaded, seed, trials, folder)
+    with uninterrupted():
+        try:
+            write_summary(numbers, folder / "summary.json")
+        except OSError as error:
+            raise InputError(f"--out {folder}: {error.strerror or error}") from error
+        plot_success(trials, loaded, folder / "success.png")
+    click.echo("\n".join(table(numbers)))
+    click.echo(f"results in {folder}")
+
+
+@main.command()
+@click.argument("scenario")
 @click.option(
     "--axis",
     type=click.Choice(["x", "rotation", "coupled"]),
@@ -494,3 +565,55 @@ def _show_prediction(prediction: Prediction) -> None:
 
 def _word(stable: bool) -> str:
     return "stable" if stable else "UNSTABLE"
+
+
+@main.command()
+@click.argument("scenario")
+@click.option("--out", type=click.Path(path_type=Path), help="Scenario file to write.")
+@click.option("--gain-margin", type=float, default=6.0, help="Least gain margin [dB].")
+@click.option("--phase-margin", type=float, default=30.0, help="Least phase margin [deg].")
+@click.option("--seeds", type=click.IntRange(1, 20), default=3, help="Noise streams, 1 to n.")
+@_SETTINGS
+def tune(
+    scenario: str,
+    out: Path | None,
+    gain_margin: float,
+    phase_margin: float,
+    seeds: int,
+    settings: tuple[str, ...],
+) -> None:
+    """Find the gains with the lowest predicted moment.
+
+    At required margins, verified by simulation. Takes a minute or two.
+
+    Example: dualbend tune fig6 --out tuned.toml
+    """
+    from dualbend.analysis.tuning import Margin, write_scenario
+    from dualbend.analysis.tuning import tune as search
+    from dualbend.errors import InputError
+    from dualbend.run.scenario import load_scenario
+
+    if settings and out is not None:
+        raise InputError("--out writes what differs from SCENARIO itself: put --set into a file")
+    least = Margin(gain_db=gain_margin, phase_deg=phase_margin)
+    found = search(load_scenario(scenario, settings), least=least, seeds=range(1, seeds + 1))
+    config = found.found.compliance
+    for name, axis in (("x", config.x), ("rotation", config.rotation)):
+        if axis is not None:
+            click.echo(f"{name:<9} b = {axis.b:g} s, k = {axis.k:g}")
+    if config.predictor is not None and config.predictor.lead_x_s is not None:
+        click.echo(f"lead      {config.predictor.lead_x_s:g} s")
+    click.echo(
+        f"margins   {found.verified.gain_db:.1f} dB, {found.verified.phase_deg:.0f} deg "
+        f"({found.tried} gains tried)"
+    )
+    for label, peaks in (("no compliance", found.without), ("predicted", found.found.peaks)):
+        click.echo(f"{label:<14}{' '.join(f'{1e3 * p:6.2f}' for p in peaks)} mN m by piece")
+    for seed, peaks in enumerate(found.simulated, 1):
+        click.echo(f"seed {seed:<9}{' '.join(f'{1e3 * p:6.2f}' for p in peaks)} mN m by piece")
+    if out is not None:
+        write_scenario(found, scenario, out)
+        click.echo(f"{out}: run it with dualbend run {out}")
+    if not found.verified.fulfils(least):
+        click.echo("dualbend: the margins of the result are below those asked for", err=True)
+        sys.exit(EXIT_FAILED_CHECK)

@@ -89,7 +89,7 @@ class World:
         held = 1 <= goal.phase <= PHASES.index("seat outer")
         seat = SEAT_Z + task.laid * T
         vertical = np.zeros(2)
-        if held and posture.z > STAND_Z + 1e-3 or goal.phase > 3:
+        if (held and posture.z > STAND_Z + 1e-3) or goal.phase > 3:
             vertical -= 0.5 * self.weight * WEIGHT_N
         if posture.alpha > 0.0 or goal.phase >= PHASES.index("unfold"):
             vertical += 0.5 * self._middle(posture, seat)

@@ -140,7 +140,7 @@ def judge(elements: LoopElements, sweep: Sweep, at: Environment, axis: AxisName)
     """Judge one bending angle by the least stable way in which the arms can move."""
     acting = elements.acting(axis, at.alpha_rad)
     loops = {
-        way: SampledLoop(elements, k, acting, at.inertia, at.arms[way])
+        way: SampledLoop(elements, k, acting, at.inertia, at.arms[way], at.alpha_rad)
         for way, k in at.loops.items()
     }
     modes: dict[ModeName, Mode] = {way: loop.mode() for way, loop in loops.items()}
@@ -149,8 +149,9 @@ def judge(elements: LoopElements, sweep: Sweep, at: Environment, axis: AxisName)
     found = loop_margins(loops[way], sweep, stable=mode.stable)
     axes = tuple(name for name, acts in zip(SINGLE_AXES, acting, strict=True) if acts)
     each = {name: float(stiffness[SINGLE_AXES.index(name)]) for name in axes}
+    plain = elements.plain(at.alpha_rad)
     delayed = [
-        delayed_loop(elements, name, k, max(mode.frequency_hz, 0.1)).margins().gain
+        delayed_loop(plain, name, k, max(mode.frequency_hz, 0.1)).margins().gain
         for name, k in each.items()
     ]
     # An axis that feels nothing of the sheet has nothing to be softened.
@@ -176,7 +177,7 @@ def judge(elements: LoopElements, sweep: Sweep, at: Environment, axis: AxisName)
         phase_margin_deg=math.degrees(found.phase_rad),
         delay_margin_s=found.delay_s,
         crossover_hz=found.crossover_hz,
-        paper_stable=all(paper_loop(elements, name, k).routh_stable for name, k in each.items()),
+        paper_stable=all(paper_loop(plain, name, k).routh_stable for name, k in each.items()),
         delayed_stable=min(delayed) > 1.0,
         delayed_gain_margin=min(delayed),
     )

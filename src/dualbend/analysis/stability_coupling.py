@@ -43,8 +43,11 @@ class Coupling:
         phi = modes[scenario.alter.mode]
         error = LEVER_ARM_M - scenario.sensor.lever_arm_m
         c, s = math.cos(alpha_rad), math.sin(alpha_rad)
+        taken = scenario.compliance.reference
+        # A vertical force that is known is not read: its lever arm's moment is missing.
+        known = scenario.sensor.lever_arm_m if taken and taken.known_weight else 0.0
         return cls(
-            read=np.array([[1.0, 0.0, 0.0], [-error * s, -error * c, 1.0]]),
+            read=np.array([[1.0, 0.0, 0.0], [-error * s, -(error + known) * c, 1.0]]),
             sent=np.array([[math.cos(phi), 0.0], [-math.sin(phi), 0.0], [0.0, 1.0]]),
             source={i: i if i in sensing else sensing[0] for i in complying},
         )
@@ -92,11 +95,9 @@ class Coupling:
             return np.zeros((2, 2))
         return np.asarray(self.read @ inertia @ self.sent)
 
-    def compliance(self, per_load: tuple[float, float]) -> Vector:
-        """Return what the admittance gives way at rest (6, 6), from δ per load of its two axes."""
+    def compliance(self, per_load: Vector) -> Vector:
+        """Return what the admittance gives way at rest (6, 6), from δ per load (2, 2)."""
         given = np.zeros((6, 6))
         for by, of in self.source.items():
-            given[3 * by : 3 * by + 3, 3 * of : 3 * of + 3] = (
-                self.sent @ np.diag(per_load) @ self.read
-            )
+            given[3 * by : 3 * by + 3, 3 * of : 3 * of + 3] = self.sent @ per_load @ self.read
         return given

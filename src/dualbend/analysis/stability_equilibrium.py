@@ -12,10 +12,11 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.beam import rod
 from dualbend.beam.sheet import Sheet
 from dualbend.beam.state import RodState
-from dualbend.errors import InputError
+from dualbend.beam.tangent import clamps_per_grips, sheet_tangent, sheet_wrench, solve_grips
+
+__all__ = ["Equilibrium", "rest", "sheet_mass", "sheet_tangent", "sheet_wrench", "solve_grips"]
 
 Vector = NDArray[np.float64]
 
@@ -25,31 +26,6 @@ _FOUND = 1e-9
 _SMALL = 1e-6
 
 
-def sheet_tangent(state: RodState) -> Vector:
-    """Return the sheet's stiffness (6, 6) in the grips' coordinates: K = (EI/L) Tᵀ H T.
-
-    The coordinates are x, z, α of the left and then of the right grip, each in its own bending
-    frame. H is the second derivative of the energy over EI/L in θ(0), θ(L), shortening and climb.
-    Raises InputError for a state that was not found.
-    """
-    if not state.converged:
-        raise InputError(f"the sheet's state was not found: {state.reason}")
-    second = state.problem.stiffness(state.problem.fields(state.unknowns))
-    EI, L = state.scale.EI, state.scale.L
-    clamps = _clamps_per_grips(L)
-    return np.asarray(EI / L * clamps.T @ second @ clamps)
-
-
-def _clamps_per_grips(length_m: float) -> Vector:
-    """Return (4, 6): θ(0), θ(L), shortening and climb per change of the grips' coordinates."""
-    clamps = np.zeros((4, 6))
-    clamps[0, 2], clamps[1, 5] = 1.0, -1.0
-    # Both x_B point inward: the grips come together by their sum. z is up in both frames.
-    clamps[2, [0, 3]] = 1.0 / length_m
-    clamps[3, [1, 4]] = -1.0 / length_m, 1.0 / length_m
-    return clamps
-
-
 def sheet_mass(sheet: Sheet, state: RodState) -> Vector:
     """Return the sheet's mass (6, 6) in the grips' coordinates, m ∫ (∂r/∂g)ᵀ (∂r/∂g) dσ.
 
@@ -57,7 +33,7 @@ def sheet_mass(sheet: Sheet, state: RodState) -> Vector:
     sheet that comes together bulges far: at 0.2 rad its 31 g weigh 170 g along x.
     """
     per_clamp = np.stack([_moved_shape(state, i) for i in range(4)], axis=1) * state.scale.L
-    moved = per_clamp @ _clamps_per_grips(state.scale.L)
+    moved = per_clamp @ clamps_per_grips(state.scale.L)
     points = len(moved) // 2
     moved[:points, 0] += 1.0
     moved[points:, 1] += 1.0
@@ -87,26 +63,6 @@ def _moved_shape(state: RodState, clamp: int) -> Vector:
         )
         shapes.append(along.T.ravel())
     return np.asarray((shapes[0] - shapes[1]) / (2.0 * _SMALL))
-
-
-def sheet_wrench(state: RodState) -> Vector:
-    """Return force x, z [N] and moment y [N m] on both arms (6,), in their bending frames."""
-    left, right = state.left, state.right
-    return np.array([*left, -right.force_x_n, right.force_z_n, right.moment_nm])
-
-
-def solve_grips(sheet: Sheet, grips: Vector, guess: RodState | None = None) -> RodState:
-    """Return the sheet with its weight between grips (6,) in their bending frames."""
-    x, z, alpha, x_right, z_right, alpha_right = grips.tolist()
-    return rod.solve_planar(
-        sheet.bending_stiffness_nm2,
-        sheet.length_m,
-        (x, z, alpha),
-        (-x_right, z_right, alpha_right),
-        sheet.weight_per_length_n_per_m,
-        guess,
-        sheet.axial_stiffness_n,
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ the wrist sensor reads the inertia of the tool with it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from dualbend.analysis.stability_arm import YieldingArm
 from dualbend.analysis.stability_blocks import Blocks, parallel, rational, realised
 from dualbend.analysis.stability_mode import Mode, describe_mode
+from dualbend.analysis.stability_model import controller_blocks, plain_admittance
 from dualbend.control.admittance import DEG_PER_RAD, MM_PER_M, Admittance, AdmittanceAxis
 from dualbend.control.alter import (
     COMMAND_PERIOD_S,
@@ -26,7 +27,9 @@ from dualbend.control.alter import (
 )
 from dualbend.control.command_response import CommandResponse
 from dualbend.control.filters import LowPass
+from dualbend.control.model_admittance import ModelAdmittance
 from dualbend.errors import InputError
+from dualbend.run.known_sheet import make_admittance
 from dualbend.run.scenario import Scenario
 
 Vector = NDArray[np.float64]
@@ -62,7 +65,7 @@ class LoopElements:
             response=CommandResponse(scenario.response, 1, steps_per_cycle(step_s)),
             low_pass=LowPass(scenario.filter, 1),
             delay=TransportDelay(scenario.alter.delay_cycles, 1),
-            admittance=Admittance(scenario.compliance),
+            admittance=make_admittance(scenario),
             # As in scene.simulation: the force that acts during a step is known when it is done.
             age_steps=max(scenario.sensor.latency_steps(step_s), 1),
         )
@@ -76,6 +79,12 @@ class LoopElements:
             for wanted, part in zip(chosen, given, strict=True)
         )
         return x, rotation
+
+    def plain(self, alpha_rad: float) -> LoopElements:
+        """Return the elements with the paper's admittance in the gains of one bending angle."""
+        if not isinstance(self.admittance, ModelAdmittance):
+            return self
+        return replace(self, admittance=plain_admittance(self.admittance, alpha_rad))
 
     @property
     def age_s(self) -> float:
@@ -148,6 +157,8 @@ class SampledLoop:
     arm
         The arm that moves, with its own stiffness and inertia, which then count instead of K and
         M. None: the arm does exactly what the robot's response says.
+    alpha_rad
+        Bending angle at which an admittance with a model is; not asked for without one.
 
     Raises
     ------
@@ -162,6 +173,7 @@ class SampledLoop:
         acting: tuple[bool, bool] = (True, True),
         inertia: ArrayLike | None = None,
         arm: YieldingArm | None = None,
+        alpha_rad: float | None = None,
     ) -> None:
         matrix = np.asarray(stiffness, dtype=np.float64)
         if matrix.shape != (2, 2) or not np.isfinite(matrix).all():
@@ -176,7 +188,17 @@ class SampledLoop:
         self.filters = [part for part in axes if part is not None]
         if not self.filters or len(self.filters) != len(axes):
             raise InputError("no admittance axis takes part in the loop")
+        model = elements.admittance
+        self._model: Blocks | None = None
         self.elements, self.acting = elements, acting
+        if isinstance(model, ModelAdmittance):
+            if alpha_rad is None:
+                raise InputError("an admittance with a model needs alpha_rad")
+            low_pass = elements.low_pass
+            self._model = controller_blocks(model, alpha_rad, acting, _actuator(elements), low_pass)
+            # It reads both loads whatever complies; the deviation of an axis at rest is 0.
+            acting = (True, True)
+        self._size = sum(acting)
         self.stiffness = matrix[np.ix_(acting, acting)]
         mass = np.zeros((2, 2)) if inertia is None else np.asarray(inertia, dtype=np.float64)
         self.inertia = mass[np.ix_(acting, acting)]
@@ -186,20 +208,27 @@ class SampledLoop:
             age = max(elements.age_steps, 1)
             self._cycle, self._cycles_of_age = arm.cycle(elements.response, age, acting)
         self._robot = self._yielding() if arm else self._rigid()
-        self._controller = parallel(
-            realised(elements.low_pass.transfer_function()).then(realised(part.transfer_function()))
-            for part in self.filters
+        low_passes = parallel([realised(elements.low_pass.transfer_function())] * self._size)
+        self._controller = (
+            low_passes.then(self._model)
+            if self._model
+            else parallel(
+                realised(elements.low_pass.transfer_function()).then(
+                    realised(part.transfer_function())
+                )
+                for part in self.filters
+            )
         )
         self._close()
 
     def _rigid(self) -> Blocks:
-        size = len(self.filters)
+        size = self._size
         read = np.stack([self.stiffness, self.inertia], axis=-1).reshape(size, 2 * size)
         return parallel([_actuator(self.elements)] * size).scaled(-read)
 
     def _yielding(self) -> Blocks:
         """Return delay, robot under load and age, from deviations to the wrench read."""
-        elements, size = self.elements, len(self.filters)
+        elements, size = self.elements, self._size
         delay = realised(elements.delay.transfer_function())
         age = realised(TransportDelay(self._cycles_of_age, 1).transfer_function())
         return parallel([delay] * size).then(self._cycle).then(parallel([age] * size))
@@ -231,14 +260,25 @@ class SampledLoop:
         self, z_inverse: ComplexVector, shared: ComplexVector | None = None
     ) -> ComplexVector:
         """Return L (n, axes, axes), broken at the admittance's output; det(I + L) = 0 closes it."""
+        if self._arm:
+            wrench = self.felt(z_inverse)
+        else:
+            common = self.elements.shared_gain(z_inverse) if shared is None else shared
+            read = np.stack([self.stiffness.ravel(), self.inertia.ravel()])
+            wrench = (common @ read).reshape(-1, *self.stiffness.shape)
+        if self._model:
+            return np.asarray(self._model.at(z_inverse) @ wrench)
         gains = np.stack(
             [rational(f.transfer_function(), z_inverse) for f in self.filters], axis=-1
         )
-        if self._arm:
-            return np.asarray(gains[:, :, None] * self.felt(z_inverse))
-        common = self.elements.shared_gain(z_inverse) if shared is None else shared
-        wrench = common @ np.stack([self.stiffness.ravel(), self.inertia.ravel()])
-        return np.asarray(gains[:, :, None] * wrench.reshape(-1, *self.stiffness.shape))
+        return np.asarray(gains[:, :, None] * wrench)
+
+    @property
+    def controller_stable(self) -> bool:
+        """The controller by itself is stable, as the margins take for granted."""
+        if self._model is None:
+            return True
+        return bool(np.abs(np.linalg.eigvals(self._model.a)).max(initial=0.0) < 1.0)
 
     def felt(self, z_inverse: ComplexVector) -> ComplexVector:
         """Return the filtered wrench (n, axes, axes) that is lost per deviation sent."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.analysis.stability_arm import Joints
+from dualbend.run.known_sheet import tool_inertia
 from dualbend.run.robot_cell import HOME_GUESS_RAD, make_servo
 from dualbend.run.scenario import Scenario
 from dualbend.scene.arm import GRIP_SITE, JOINTS
@@ -108,17 +109,4 @@ class PosedArm:
 
     def tool_inertia(self) -> Vector:
         """Return the inertia (3, 3) in x, z, α of what hangs beyond the sensor, at the grip."""
-        model, data = self._model, self._data
-        inertia, hand = np.zeros((3, 3)), model.body(f"{SIDES[0]}_hand").id
-        for body in range(hand, model.nbody):
-            above = body
-            while above > hand:
-                above = int(model.body_parentid[above])
-            if above != hand:
-                continue
-            lever = data.xipos[body] - data.site_xpos[self._site]
-            moves = np.array([[1.0, 0.0, lever[2]], [0.0, 1.0, -lever[0]]])
-            inertia += model.body_mass[body] * moves.T @ moves
-            axis = data.ximat[body].reshape(3, 3)[1]
-            inertia[2, 2] += float(axis**2 @ model.body_inertia[body])
-        return inertia
+        return tool_inertia(self._model, self._data, self._site)

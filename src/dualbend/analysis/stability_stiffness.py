@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 
 from dualbend.analysis.stability_arm import Joints, YieldingArm
 from dualbend.analysis.stability_coupling import Coupling, ModeName
-from dualbend.analysis.stability_equilibrium import rest, sheet_mass, sheet_tangent
+from dualbend.analysis.stability_equilibrium import Equilibrium, rest, sheet_mass, sheet_tangent
 from dualbend.analysis.stability_pose import PosedArm
-from dualbend.control.admittance import Admittance, AdmittanceAxis
+from dualbend.beam import elastica
+from dualbend.control.admittance import AdmittanceAxis
+from dualbend.control.model_admittance import ModelAdmittance
 from dualbend.errors import InputError
+from dualbend.run.known_sheet import make_admittance, zero_moment
 from dualbend.run.scenario import Scenario
 from dualbend.task.bending import make_path
 
@@ -103,7 +106,7 @@ def _environment(scenario: Scenario, arm: PosedArm, pose: Vector, *, at_rest: bo
     both = _on_both(arm.compliance + arm.grasp, arm.compliance + arm.grasp)
     total = coupling.compliance(_static_compliance(scenario, alpha)) + both if at_rest else 0 * both
     nominal = np.array([pose[0], 0.0, alpha] * 2)
-    state = rest(sheet, nominal, total)
+    state = _rest(scenario, pose, total)
     tangent = sheet_tangent(state.state)
     # At the small amplitude of an onset dry friction holds an arm that nothing commands.
     gives = [arm.compliance * float(i in coupling.source) + arm.grasp for i in range(2)]
@@ -149,16 +152,36 @@ def _on_both(left: Vector, right: Vector) -> Vector:
     return joined
 
 
-def _static_compliance(scenario: Scenario, alpha_rad: float) -> tuple[float, float]:
-    """Return δ per steady load of both axes; 0 where one is off, tared or does not act yet."""
-    admittance = Admittance(scenario.compliance)
-    x, rotation = (
-        axis.static_compliance
-        if axis and not scenario.compliance.tare and acts(axis, alpha_rad)
-        else 0.0
-        for axis in (admittance.x, admittance.rotation)
+def _static_compliance(scenario: Scenario, alpha_rad: float) -> Vector:
+    """Return δ per steady load (2, 2); 0 where an axis is off, tared or does not act yet."""
+    admittance = make_admittance(scenario)
+    counts = np.array(
+        [
+            axis is not None and not scenario.compliance.tare and acts(axis, alpha_rad)
+            for axis in (admittance.x, admittance.rotation)
+        ]
     )
-    return x, rotation
+    if isinstance(admittance, ModelAdmittance):
+        return counts[:, np.newaxis] * admittance.rest_compliance(alpha_rad)
+    static = [
+        axis.static_compliance if axis else 0.0 for axis in (admittance.x, admittance.rotation)
+    ]
+    return np.diag(counts * np.array(static))
+
+
+def _rest(scenario: Scenario, pose: Vector, total: Vector) -> Equilibrium:
+    """Return where the compliance comes to rest.
+
+    With a force reference that is the zero-moment state, but for the part k of the error.
+    """
+    sheet, nominal = scenario.sheet.sheet(), np.array([pose[0], 0.0, pose[2]] * 2)
+    if scenario.compliance.reference and scenario.compliance.x and total.any():
+        found = zero_moment(sheet, float(pose[2]))
+        if found is not None:
+            offset, state = found
+            x = -elastica.half_distance(float(pose[2]), sheet.length_m) - offset
+            return Equilibrium(grips=np.array([x, 0.0, pose[2]] * 2), state=state, settled=True)
+    return rest(sheet, nominal, total)
 
 
 def acts(axis: AdmittanceAxis, alpha_rad: float) -> bool:

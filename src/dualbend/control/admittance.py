@@ -12,6 +12,9 @@ import msgspec
 import numpy as np
 
 from dualbend.control.alter import COMMAND_PERIOD_S, TransferFunction, Vector
+from dualbend.control.force_reference import ReferenceConfig
+from dualbend.control.predictor import PredictorConfig
+from dualbend.control.schedule import FusionConfig, ScheduleConfig
 
 MM_PER_M = 1e3
 DEG_PER_RAD = 180.0 / math.pi
@@ -40,16 +43,36 @@ class AdmittanceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     """Which axes comply, in which units, how far, and from which reading.
 
     `units`: "paper" means N, mm, N m and degrees for b and k; "si" means N s/m, N/m, N m s/rad and
-    N m/rad. An axis that is None is off. With `tare` an axis sees the wrench relative to the first
-    reading after it is switched on.
+    N m/rad; "sheet" means s and 1, multiples of the known stiffness, and belongs to `schedule`. An
+    axis that is None is off. With `tare` an axis sees the wrench relative to the first
+    reading after it is switched on. `schedule`, `reference`, `fusion` and `predictor` go beyond
+    the paper, see `dualbend.control.model_admittance`.
     """
 
     x: AxisConfig | None = None
     rotation: AxisConfig | None = None
-    units: Literal["paper", "si"] = "paper"
+    units: Literal["paper", "si", "sheet"] = "paper"
     limit_x_m: Annotated[float, msgspec.Meta(gt=0, description="largest |δx| [m]")] = 0.02
     limit_rotation_rad: Annotated[float, msgspec.Meta(gt=0, description="largest |δα| [rad]")] = 0.1
     tare: bool = False
+    schedule: ScheduleConfig | None = None
+    reference: ReferenceConfig | None = None
+    fusion: FusionConfig | None = None
+    predictor: PredictorConfig | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse gains in units that the schedule does not give, and the other way round."""
+        if (self.units == "sheet") != (self.schedule is not None):
+            raise ValueError(
+                'units = "sheet" and the section schedule belong together: with it b is in s and '
+                "k is a ratio to the sheet's stiffness"
+            )
+
+    @property
+    def modelled(self) -> bool:
+        """Something of it needs to know the sheet."""
+        parts = (self.schedule, self.reference, self.fusion, self.predictor)
+        return any(part is not None for part in parts)
 
 
 class AdmittanceAxis:
@@ -143,6 +166,11 @@ def horizontal_force(force_grip: Vector, alpha_rad: float) -> float:
     return float(force_grip[0]) * math.cos(alpha_rad) + float(force_grip[2]) * math.sin(alpha_rad)
 
 
+def vertical_force(force_grip: Vector, alpha_rad: float) -> float:
+    """Return the force along z_B [N]: F_z cos α − F_x sin α, from the force (3,) in G [N]."""
+    return float(force_grip[2]) * math.cos(alpha_rad) - float(force_grip[0]) * math.sin(alpha_rad)
+
+
 class Admittance:
     """The two axes of compliance of one arm; an axis that is off deviates by 0.
 
@@ -174,6 +202,12 @@ class Admittance:
         for axis in (self.x, self.rotation):
             if axis is not None:
                 axis.reset()
+
+    def comply(
+        self, force_x_n: float, force_z_n: float, moment_y_nm: float, pose: Vector
+    ) -> Deviation:
+        """Run one cycle on the filtered wrench in B, at the nominal x, z [m], α [rad] (3,)."""
+        return self.update(force_x_n, moment_y_nm, float(pose[2]))
 
     def update(self, force_x_n: float, moment_y_nm: float, alpha_rad: float) -> Deviation:
         """Run one cycle.

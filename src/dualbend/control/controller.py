@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.control.admittance import Admittance, horizontal_force
+from dualbend.control.admittance import Admittance, horizontal_force, vertical_force
 from dualbend.control.alter import PlanarPathModification, TransportDelay
 from dualbend.control.force_torque import WrenchChain, WrenchSample
 
@@ -31,11 +31,12 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One sensing arm's cycle: the sample, its horizontal force [N] before and after the filter."""
+    """One sensing arm's cycle: the sample and its forces along x_B and z_B [N]."""
 
     sample: WrenchSample
     force_x_n: float
     filtered_force_x_n: float
+    filtered_force_z_n: float
 
     @property
     def moment_y_nm(self) -> float:
@@ -87,6 +88,7 @@ class ComplianceController:
                 sample=sample,
                 force_x_n=horizontal_force(sample.force_grip_n, slope),
                 filtered_force_x_n=horizontal_force(sample.filtered_force_grip_n, slope),
+                filtered_force_z_n=vertical_force(sample.filtered_force_grip_n, slope),
             )
         return readings
 
@@ -95,10 +97,14 @@ class ComplianceController:
     ) -> Command:
         """Modify the nominal grip pose (x, z, α) in the bending frame, the same for both arms."""
         saturated = False
+        nominal = np.array([x_m, z_m, alpha_rad])
         given: dict[int, tuple[float, float]] = {}
         for i, reading in readings.items():
-            out = self.admittances[i].update(
-                reading.filtered_force_x_n, reading.filtered_moment_y_nm, alpha_rad
+            out = self.admittances[i].comply(
+                reading.filtered_force_x_n,
+                reading.filtered_force_z_n,
+                reading.filtered_moment_y_nm,
+                nominal,
             )
             given[i] = (out.dx_m, out.dalpha_rad)
             saturated |= out.saturated_x or out.saturated_rotation or reading.sample.saturated

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import cached_property
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +31,15 @@ from dualbend.scene.grippers import Grippers
 from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.pin_contacts import PinContacts
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
-from dualbend.task.assembly import PHASES, AssemblyTask, Goal, Posture, Sensed, TaskStopped
+from dualbend.task.assembly import (
+    PHASES,
+    AssemblyTask,
+    ErrorsConfig,
+    Goal,
+    Posture,
+    Sensed,
+    TaskStopped,
+)
 from dualbend.task.assembly_plan import AssemblyPlan, plan_assembly
 from dualbend.task.assembly_workplace import check_workplace
 from dualbend.task.bending import make_path
@@ -206,10 +216,18 @@ class AssemblyRun(Run):
 
     def stiffness(self, bend: float) -> Vector:
         """Return what the object's compliance works against along x, y and about z, (3,)."""
+        cell = self._imagined
         posture = replace(self._down, alpha=bend * self._down.alpha)
-        q = self.cell.reach(self._pose(posture), self._down_q, _place(posture))
+        q = cell.reach(self._pose(posture), self._down_q, _place(posture))
         pinned = self.config.layout.holes.middle.along_m
-        return np.diag(object_stiffness(self.cell, q, posture.alpha, pinned))
+        return np.diag(object_stiffness(cell, q, posture.alpha, pinned))
+
+    @cached_property
+    def _imagined(self) -> RobotCell:
+        """The cell with the sheet that the robots believe in: they know of no errors."""
+        assembly = msgspec.structs.replace(self.config, errors=ErrorsConfig())
+        scenario = msgspec.structs.replace(self.scenario, assembly=assembly)
+        return RobotCell(scenario, self._pose(self._start), _place(self._start))
 
     def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
         compliance = self.config.compliance

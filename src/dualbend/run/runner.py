@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.control.admittance import Admittance
 from dualbend.control.alter import COMMAND_PERIOD_S, PlanarPathModification, TransportDelay
 from dualbend.control.controller import Command, ComplianceController, Reading
 from dualbend.control.filters import LowPass
@@ -24,6 +23,7 @@ from dualbend.run.guard import (
     refuse_warnings,
     warnings_counted_only,
 )
+from dualbend.run.known_sheet import make_admittance
 from dualbend.run.robot_cell import RobotCell
 from dualbend.run.scenario import Outcome, Scenario
 from dualbend.run.trace import Trace
@@ -306,7 +306,7 @@ def make_controller(scenario: Scenario, model: mujoco.MjModel) -> ComplianceCont
             )
     return ComplianceController(
         chains=chains,
-        admittances={i: Admittance(scenario.compliance) for i in chains},
+        admittances={i: make_admittance(scenario) for i in chains},
         complying=[SIDES.index(side) for side in scenario.arms.complying],
         delay=TransportDelay(scenario.alter.delay_cycles, 2 * len(SIDES)),
         modifications=(

@@ -1,0 +1,204 @@
+"""The admittance with a model: each switch by itself, and the delay-free loop that it promises."""
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from dualbend.control.admittance import Admittance, AdmittanceConfig, AxisConfig
+from dualbend.control.command_response import CommandResponseConfig
+from dualbend.control.filters import LowPassConfig
+from dualbend.control.force_reference import ReferenceConfig
+from dualbend.control.model_admittance import ModelAdmittance
+from dualbend.control.predictor import PredictorConfig, ResponseLead, ResponseModel
+from dualbend.control.schedule import FusionConfig, KnownSheet, ScheduleConfig
+from dualbend.errors import InputError
+
+RESPONSE = CommandResponseConfig(natural_frequency_hz=2.2, damping_ratio=1.0)
+LOW_PASS = LowPassConfig(kind="fir", taps=2)
+STIFFNESS = np.array([[600.0, -17.0], [0.0, -1.3], [-17.0, 0.77]])
+INERTIA = np.array([[0.6, 0.0, 0.01], [0.0, 0.6, 0.04], [0.01, 0.04, 0.0038]])
+SENT = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
+AXIS = AxisConfig(b=0.1, k=0.01, form="static")
+PREDICTED = AdmittanceConfig(
+    units="sheet",
+    x=AXIS,
+    rotation=AXIS,
+    schedule=ScheduleConfig(),
+    reference=ReferenceConfig(),
+    fusion=FusionConfig(),
+    predictor=PredictorConfig(),
+)
+
+
+def known(force_n: float = -2.0) -> KnownSheet:
+    return KnownSheet(
+        alpha_rad=np.array([0.1, 1.0]),
+        force_x_n=np.full(2, force_n),
+        stiffness=np.stack([STIFFNESS] * 2),
+        inertia=np.stack([INERTIA] * 2),
+        sent=np.stack([SENT] * 2),
+        pressed_m=np.array([[0.01, 0.0, -0.01]] * 2),
+        pressed_n=np.array([[-8.0, -2.0, 4.0]] * 2),
+        force_z_n=-0.15,
+        lever_arm_m=0.12,
+    )
+
+
+def model(delay_cycles: int, channels: int, low_pass: LowPassConfig = LOW_PASS) -> ResponseModel:
+    return ResponseModel(
+        response=RESPONSE,
+        low_pass=low_pass,
+        delay_cycles=delay_cycles,
+        steps=16,
+        age_steps=6,
+        channels=channels,
+    )
+
+
+def made(config: AdmittanceConfig) -> ModelAdmittance:
+    return ModelAdmittance(
+        config, known=known(), response=RESPONSE, own=model(2, 2), nominal=model(0, 3)
+    )
+
+
+POSE = np.array([-0.19, 0.7, 0.5])
+
+
+def test_without_any_part_it_is_the_papers_admittance() -> None:
+    paper = AdmittanceConfig(x=AxisConfig(b=7, k=575), rotation=AxisConfig(b=0.5, k=1e4))
+    plain, modelled = Admittance(paper), made(paper)
+    rng = np.random.default_rng(1)
+    for force, moment in rng.standard_normal((50, 2)):
+        one, other = plain.comply(force, 0.0, moment, POSE), modelled.comply(force, 0, moment, POSE)
+        # Analytic: only divided and multiplied by the same stiffness.
+        assert other.dx_m == pytest.approx(one.dx_m, rel=1e-12)
+        assert other.dalpha_rad == pytest.approx(one.dalpha_rad, rel=1e-12)
+
+
+def test_the_reference_is_not_complied_with() -> None:
+    """Analytic: at the known force and no moment nothing moves."""
+    config = AdmittanceConfig(x=AxisConfig(b=7, k=575), reference=ReferenceConfig())
+    admittance = made(config)
+    assert admittance.comply(-2.0, -0.15, 0.0, POSE).dx_m == pytest.approx(0.0, abs=1e-15)
+    assert admittance.comply(-3.0, -0.15, 0.0, POSE).dx_m < 0.0  # pushed back, it gives way
+
+
+def test_scheduled_gains_are_multiples_of_the_stiffness() -> None:
+    """Analytic: δ at rest is F/(k K) whatever K is."""
+    stiff = AxisConfig(b=0.1, k=0.5, form="static")
+    config = msgspec.structs.replace(
+        PREDICTED, x=stiff, reference=None, fusion=None, predictor=None, limit_x_m=10.0
+    )
+    admittance = made(config)
+    for _ in range(300):
+        out = admittance.comply(0.5, 0.0, 0.0, POSE)
+    assert out.dx_m == pytest.approx(0.5 / (0.5 * STIFFNESS[0, 0]), rel=1e-6)
+
+
+def test_a_known_weight_takes_the_lever_arms_noise_out_of_the_moment() -> None:
+    """Analytic: an error of F_z that enters M with the lever arm changes nothing."""
+    config = msgspec.structs.replace(
+        PREDICTED, fusion=None, predictor=None, reference=ReferenceConfig(known_weight=True)
+    )
+    true, off, lever = 0.01, 0.3, 0.12 * math.cos(POSE[2])
+    right = made(config).comply(-2.0, -0.15, true, POSE).dalpha_rad
+    noisy = made(config).comply(-2.0, -0.15 + off, true + lever * off, POSE).dalpha_rad
+    assert noisy == pytest.approx(right, rel=1e-12)
+    assert right > 0.0
+
+
+def test_fusion_finds_a_wrong_x_from_force_and_moment_alike() -> None:
+    """Analytic: the readings that a wrong x makes give that x, whatever their weights."""
+    for weights in (
+        FusionConfig(),
+        FusionConfig(force_error_n=5.0),
+        FusionConfig(moment_error_nm=1),
+    ):
+        point = made(msgspec.structs.replace(PREDICTED, fusion=weights)).point(0.5)
+        assert point.estimate[0] @ STIFFNESS[[0, 2], 0] == pytest.approx(1.0, rel=1e-12)
+
+
+def closed_loop(config: AdmittanceConfig, error_m: float, cycles: int) -> list[float]:
+    """Run the loop on a linear sheet whose x is wrong by error_m from the start."""
+    admittance = made(config)
+    plant = model(2, 2)
+    deviations = []
+    for _ in range(cycles):
+        q, acceleration = plant.read()
+        grip = SENT @ q
+        moved = grip + np.array([error_m, 0.0, 0.0])
+        wrench = [-2.0, -0.15, 0.0] - STIFFNESS @ moved[[0, 2]] - INERTIA @ (SENT @ acceleration)
+        out = admittance.comply(*wrench.tolist(), POSE)
+        deviation = np.array([out.dx_m, out.dalpha_rad])
+        plant.send(deviation)
+        deviations.append(out.dx_m)
+    return deviations
+
+
+def test_with_the_right_model_the_loop_has_no_delay() -> None:
+    """Analytic: δ follows −error as the first-order lag of the admittance, without overshoot."""
+    config = msgspec.structs.replace(PREDICTED, rotation=None, fusion=None)
+    found = closed_loop(config, 1e-4, 60)
+    # δ[n] = a δ[n−1] + g (−e − δ[n−1]) with a = exp(−kT/b), g = (1 − a)/k.
+    a = math.exp(-0.01 * 0.028 / 0.1)
+    g = (1 - a) / 0.01
+    expected, delta = [], 0.0
+    for _ in found:
+        delta = a * delta + g * (-1e-4 - delta)
+        expected.append(delta)
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_without_the_prediction_the_same_gains_oscillate() -> None:
+    """Analytic: 4 cycles of dead time do not bear a crossover of 1/(0.05 s)."""
+    fast = AxisConfig(b=0.05, k=0.01, form="static")
+    config = msgspec.structs.replace(PREDICTED, x=fast, rotation=None, fusion=None)
+    still = closed_loop(config, 1e-5, 200)
+    grown = closed_loop(msgspec.structs.replace(config, predictor=None), 1e-5, 200)
+    assert max(abs(d) for d in still) < 1.01e-5
+    assert max(abs(d) for d in grown) > 1e-3
+
+
+def test_the_lead_undoes_the_response_at_the_cycles() -> None:
+    """Analytic: response × inverse has no poles of the response left, and unit gain at rest."""
+    lead = ResponseLead(RESPONSE, 0.0)
+    numerator, denominator = lead.transfer_function()
+    pole = math.exp(-2 * math.pi * 2.2 * 0.028)
+    # A double root is known to the square root of rounding.
+    assert np.roots(numerator) == pytest.approx([pole, pole], abs=1e-6)
+    assert numerator.sum() / denominator.sum() == pytest.approx(1.0, rel=1e-12)
+
+
+def test_gains_in_units_of_the_sheet_need_a_schedule() -> None:
+    with pytest.raises(ValueError, match="belong together"):
+        AdmittanceConfig(units="sheet", x=AXIS)
+    with pytest.raises(ValueError, match="belong together"):
+        AdmittanceConfig(x=AXIS, schedule=ScheduleConfig())
+
+
+def test_a_table_that_does_not_grow_is_refused() -> None:
+    with pytest.raises(InputError, match="growing"):
+        KnownSheet(
+            alpha_rad=np.array([1.0, 0.5]),
+            force_x_n=np.zeros(2),
+            stiffness=np.zeros((2, 3, 2)),
+            inertia=np.zeros((2, 3, 3)),
+            sent=np.zeros((2, 3, 2)),
+            pressed_m=np.zeros((2, 3)),
+            pressed_n=np.zeros((2, 3)),
+            force_z_n=0.0,
+            lever_arm_m=0.1,
+        )
+
+
+def test_the_curve_agrees_with_the_tangent_where_the_sheet_is_linear() -> None:
+    """Analytic: the table above is a straight line of 600 N/m, and so is what lies beyond it."""
+    config = msgspec.structs.replace(
+        PREDICTED, schedule=ScheduleConfig(curve=True), predictor=None, fusion=None
+    )
+    straight = msgspec.structs.replace(config, schedule=ScheduleConfig())
+    for force in (-15.0, -5.0, 3.0):
+        one, other = (made(c).comply(force, 0.0, 0.0, POSE).dx_m for c in (config, straight))
+        assert one == pytest.approx(other, rel=1e-9)
