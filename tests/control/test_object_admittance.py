@@ -45,7 +45,12 @@ def reading(force_grip: Vector, torque_grip: Vector) -> Reading:
         filtered_torque_grip_nm=torque_grip,
         saturated=False,
     )
-    return Reading(sample=sample, force_x_n=math.nan, filtered_force_x_n=math.nan)
+    return Reading(
+        sample=sample,
+        force_x_n=math.nan,
+        filtered_force_x_n=math.nan,
+        filtered_force_z_n=math.nan,
+    )
 
 
 def grips(half: float, rise: float, alpha: float, yaw: float, place: Vector) -> list[tuple]:

@@ -174,7 +174,7 @@ def test_what_was_let_go_can_be_gripped_again_elsewhere(bench: Bench) -> None:
     bench.go(0.0, 25)
     bench.go(OPEN_M, 15)
     flat = np.zeros(SCENARIO.sheet.strips.hinges + 1)
-    bench.cell.simulation.put_sheet(flat, bench.middle + [-2e-3, -1e-3, 0.0], -0.008)
+    bench.cell.simulation.put_sheet(flat, bench.middle + np.array([-2e-3, -1e-3, 0.0]), -0.008)
     mujoco.mj_forward(bench.model, bench.data)
     before, along_before = bench.ends()
     bench.go(0.0, 25)

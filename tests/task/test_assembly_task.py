@@ -195,7 +195,7 @@ def test_the_phases_end_at_the_waypoints() -> None:
 
 
 def rates(goals: list[Goal]) -> dict[str, float]:
-    """Return the largest change of each component of the posture from cycle to cycle, per second."""
+    """Return the largest change per second of each component of the posture."""
     table = np.array([dataclasses.astuple(goal.posture) for goal in goals])
     names = [item.name for item in dataclasses.fields(Posture)]
     steps = np.abs(np.diff(table, axis=0)).max(axis=0) / COMMAND_PERIOD_S
@@ -433,7 +433,9 @@ def test_a_constant_offset_of_the_force_sensors_is_not_felt() -> None:
         sensed = answer(goal)
         bias = np.array([0.05, 0.05])
         return dataclasses.replace(
-            sensed, vertical=sensed.vertical + bias, net=sensed.net + [0.3, -0.2, 0.1, 0.05]
+            sensed,
+            vertical=sensed.vertical + bias,
+            net=sensed.net + np.array([0.3, -0.2, 0.1, 0.05]),
         )
 
     world.answer = biased  # type: ignore[method-assign]
