@@ -7,7 +7,6 @@ Heavy imports happen inside the commands.
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Callable
@@ -20,10 +19,15 @@ import click
 from dualbend.errors import DualbendError
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from dualbend.analysis.stability import Prediction
     from dualbend.analysis.validation import Row
     from dualbend.run.runner import RunResult
     from dualbend.run.scenario import Scenario
+
+_EXAMPLES_HEADING = "\b\nExample:"
+"""The control character keeps click from filling the lines below it into a paragraph."""
 
 EXIT_FAILED_CHECK, EXIT_BAD_INPUT, EXIT_UNEXPECTED, EXIT_INTERRUPTED = 1, 2, 3, 130
 
@@ -34,6 +38,17 @@ _SETTINGS = click.option(
     metavar="PATH.TO.KEY=VALUE",
     help="Change one key of the scenario; may be given more than once.",
 )
+
+
+def _examples(*lines: str) -> str:
+    """Return an epilog that shows each line as it is typed."""
+    return "\n".join((_EXAMPLES_HEADING, *(f"  {line}" for line in lines)))
+
+
+def _scenarios(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    from dualbend.run.completion import complete_scenario
+
+    return complete_scenario(incomplete)
 
 
 class _Commands(click.Group):
@@ -61,27 +76,41 @@ def _interrupted(error: BaseException | None) -> bool:
     return False
 
 
-@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=_Commands,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=_examples("dualbend run fig8 --out runs/fig8", "dualbend run --help"),
+)
 @click.version_option(package_name="dualbend")
 def main() -> None:
     """Two position-controlled arms bend a flexible sheet."""
 
 
-@main.command()
-@click.argument("scenario")
+@main.command(
+    epilog=_examples(
+        "dualbend run fig8 --out runs/fig8 --set alter.delay_cycles=3",
+        "dualbend run mine.toml --seed 2 --no-record",
+    )
+)
+@click.argument("scenario", required=False, shell_complete=_scenarios)
 @click.option("--out", type=click.Path(path_type=Path), help="Folder for the results.")
 @_SETTINGS
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")
 @click.option("--record/--no-record", default=True, help="Write run.rrd for the rerun viewer.")
 def run(
-    scenario: str, out: Path | None, settings: tuple[str, ...], seed: int | None, record: bool
+    scenario: str | None,
+    out: Path | None,
+    settings: tuple[str, ...],
+    seed: int | None,
+    record: bool,
 ) -> None:
     """Run a scenario and leave its results in a folder.
 
-    SCENARIO is a name from dualbend list or a .toml file.
-
-    Example: dualbend run fig8 --out runs/fig8 --set alter.delay_cycles=3
+    SCENARIO is a name from dualbend list or a .toml file; without it, the shipped ones are listed.
     """
+    if scenario is None:
+        _which_scenario(asked=not _any_given())
+        return
     from dualbend.analysis.stability import predict
     from dualbend.run.make import make_run
     from dualbend.run.output import prepare_folder, trace_kept, uninterrupted
@@ -124,6 +153,24 @@ def run(
         sys.exit(EXIT_UNEXPECTED)
 
 
+def _any_given() -> bool:
+    """Tell whether the command line has any option or argument of the present command."""
+    context = click.get_current_context()
+    default = click.core.ParameterSource.DEFAULT
+    return any(context.get_parameter_source(name) is not default for name in context.params)
+
+
+def _which_scenario(*, asked: bool) -> None:
+    """Show the scenarios: to who asks they are the answer, options without one are an error."""
+    from dualbend.errors import InputError
+    from dualbend.run import shipped
+
+    if not asked:
+        raise InputError(f"run needs a SCENARIO: {', '.join(shipped.descriptions())}, or a file")
+    click.echo(shipped.table())
+    click.echo("\nRun one, for example: dualbend run fig8 --out runs/fig8")
+
+
 def _write(result: RunResult, folder: Path, record: bool) -> list[str]:
     """Write everything that a run leaves and print what matters; return what could not be."""
     from dualbend.analysis.figures import plot_moment
@@ -161,7 +208,11 @@ def _shown(value: float | list[float | None] | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-@main.command()
+@main.command(
+    epilog=_examples(
+        "dualbend beam --length 0.6 --width 0.1 --thickness 0.001 --young 69e9 --alpha 0.2"
+    )
+)
 @click.option("--length", type=float, required=True, help="Free length L [m].")
 @click.option("--width", type=float, required=True, help="Width w [m].")
 @click.option("--thickness", type=float, required=True, help="Thickness t [m].")
@@ -182,21 +233,20 @@ def beam(
     weight: float,
     as_json: bool,
 ) -> None:
-    """Force, moment and shape of a sheet between two grips.
-
-    Example: dualbend beam --length 0.6 --width 0.1 --thickness 0.001 --young 69e9 --alpha 0.2
-    """
+    """Force, moment and shape of a sheet between two grips."""
     from dualbend.beam.calculator import bent_sheet
 
     state = bent_sheet(length, width, thickness, young, alpha, half_distance, weight)
     if as_json:
+        import json
+
         click.echo(json.dumps(state))
         return
     for key, value in state.items():
         click.echo(f"{key:<22}{value:>14.6g}")
 
 
-@main.command()
+@main.command(epilog=_examples("dualbend validate --json"))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def validate(as_json: bool) -> None:
     """Measure how far simulation is from theory.
@@ -227,7 +277,7 @@ def _show_row(row: Row) -> None:
     )
 
 
-@main.command()
+@main.command(epilog=_examples("dualbend audit --out docs/audit.md"))
 @click.option("--scan", is_flag=True, help="Make the table of readings anew first; ten minutes.")
 @click.option("--out", type=click.Path(path_type=Path), help="Markdown file to write.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -235,8 +285,6 @@ def audit(scan: bool, out: Path | None, as_json: bool) -> None:
     """Check the paper's equations and numbers.
 
     Prints the page, or writes it.
-
-    Example: dualbend audit --out docs/audit.md
     """
     from dualbend.analysis.audit import audit as check
     from dualbend.analysis.audit import page, run_scan
@@ -267,25 +315,78 @@ def audit(scan: bool, out: Path | None, as_json: bool) -> None:
         click.echo(f"{len(found.findings())} statements in {out}")
 
 
-@main.command("list")
+@main.command("list", epilog=_examples("dualbend list"))
 def list_command() -> None:
     """List the shipped scenarios."""
-    from dualbend.run.scenario import list_scenarios, load_scenario
+    from dualbend.run import shipped
 
-    for name in list_scenarios():
-        click.echo(f"{name:<12}{load_scenario(name).description}")
+    click.echo(shipped.table())
 
 
-@main.command()
-@click.argument("scenario")
+@main.command(
+    epilog=_examples("dualbend new mine", "dualbend new mine --from fig8", "dualbend run mine.toml")
+)
+@click.argument("name")
+@click.option(
+    "--from",
+    "base",
+    default="fig6",
+    show_default=True,
+    metavar="SCENARIO",
+    shell_complete=_scenarios,
+    help="Whose values it has.",
+)
+def new(name: str, base: str) -> None:
+    """Write NAME.toml, a scenario with every key explained.
+
+    Keys at their default are comments. An existing file is left as it is.
+    """
+    from dualbend.run.new import write_scenario
+
+    path = write_scenario(name, base)
+    click.echo(f"{path}: edit it, then dualbend run {path}")
+
+
+@main.command(epilog=_examples("dualbend schema --out scenario.schema.json"))
+@click.option("--out", type=click.Path(path_type=Path), help="File to write; none: print.")
+def schema(out: Path | None) -> None:
+    """Give the JSON schema of a scenario file, for editors."""
+    from dualbend.run.schema import schema_text
+
+    _deliver(schema_text(), out)
+
+
+@main.command(epilog=_examples("dualbend reference --out docs/reference.md"))
+@click.option("--out", type=click.Path(path_type=Path), help="File to write; none: print.")
+def reference(out: Path | None) -> None:
+    """Give every section and key of a scenario as Markdown."""
+    from dualbend.run.reference import reference_markdown
+
+    _deliver(reference_markdown(), out)
+
+
+def _deliver(text: str, out: Path | None) -> None:
+    """Print a text, or write it where it is wanted."""
+    from dualbend.errors import InputError
+
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
+    click.echo(f"{out} written")
+
+
+@main.command(epilog=_examples("dualbend scene fig8 --out fig8.xml"))
+@click.argument("scenario", shell_complete=_scenarios)
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="MJCF file to write.")
 @_SETTINGS
 def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
     """Write the composed MJCF of a scenario.
 
     Its start is the key frame "start".
-
-    Example: dualbend scene fig8 --out fig8.xml
     """
     from dualbend.errors import InputError
     from dualbend.run.make import make_run
@@ -299,8 +400,8 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
     click.echo(f"{out}: open it with python -m mujoco.viewer --mjcf={out}")
 
 
-@main.command()
-@click.argument("scenario")
+@main.command(epilog=_examples("dualbend view fig8 --set motion.speed_rad_per_s=0.2"))
+@click.argument("scenario", shell_complete=_scenarios)
 @_SETTINGS
 def view(scenario: str, settings: tuple[str, ...]) -> None:
     """Run a scenario in MuJoCo's viewer.
@@ -323,16 +424,16 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
         sys.exit(EXIT_UNEXPECTED)
 
 
-@main.command()
-@click.argument("scenario")
+@main.command(epilog=_examples("dualbend plan pwb --set assembly.layout.holes.clearance_m=1e-4"))
+@click.argument("scenario", shell_complete=_scenarios)
 @_SETTINGS
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
-    """Plan an assembly: at which bending angles the holes go over their pins.
+    """Plan an assembly: the bending angles at which it fits.
+
+    Where the middle holes go over their pins and the outer ones clear theirs.
 
     Without a run. A layout that has no such angle is refused with what is missing.
-
-    Example: dualbend plan pwb --set assembly.layout.holes.clearance_m=1e-4
     """
     from dualbend.run.assembly_run import assembly_plan
     from dualbend.run.scenario import load_scenario
@@ -347,8 +448,8 @@ def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
         click.echo(f"{name:<30}{_shown(value):>12}  {unit}")
 
 
-@main.command()
-@click.argument("scenario", default="fig8")
+@main.command(epilog=_examples("dualbend benchmark fig8 --repeat 3"))
+@click.argument("scenario", default="fig8", shell_complete=_scenarios)
 @_SETTINGS
 @click.option("--repeat", type=click.IntRange(min=1), default=5, help="Repetitions.")
 def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
@@ -369,8 +470,8 @@ def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
         )
 
 
-@main.command()
-@click.argument("scenario")
+@main.command(epilog=_examples("dualbend robustness pwb --runs 40 --workers 2"))
+@click.argument("scenario", shell_complete=_scenarios)
 @click.option("--runs", type=click.IntRange(min=1), required=True, help="Number of draws.")
 @click.option(
     "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the draws."
@@ -392,8 +493,6 @@ def robustness(
 
     The errors are drawn with the standard deviations of assembly.spread. The same command goes on
     with a study that was interrupted.
-
-    Example: dualbend robustness pwb --runs 40 --workers 2
     """
     from dualbend.analysis.figures_robustness import plot_success
     from dualbend.analysis.robustness_study import run_study
@@ -440,8 +539,8 @@ def robustness(
     click.echo(f"results in {folder}")
 
 
-@main.command()
-@click.argument("scenario")
+@main.command(epilog=_examples("dualbend stability fig9 --map fig9.png"))
+@click.argument("scenario", shell_complete=_scenarios)
 @click.option(
     "--axis",
     type=click.Choice(["x", "rotation", "coupled"]),
@@ -478,8 +577,6 @@ def stability(
     """Predict the stability of the compliance.
 
     Margins along the path, before any run; or, with --confront, prediction against simulation.
-
-    Example: dualbend stability fig9 --map fig9.png
     """
     from dualbend.analysis.stability import predict
     from dualbend.errors import InputError
@@ -567,8 +664,8 @@ def _word(stable: bool) -> str:
     return "stable" if stable else "UNSTABLE"
 
 
-@main.command()
-@click.argument("scenario")
+@main.command(epilog=_examples("dualbend tune fig6 --out tuned.toml"))
+@click.argument("scenario", shell_complete=_scenarios)
 @click.option("--out", type=click.Path(path_type=Path), help="Scenario file to write.")
 @click.option("--gain-margin", type=float, default=6.0, help="Least gain margin [dB].")
 @click.option("--phase-margin", type=float, default=30.0, help="Least phase margin [deg].")
@@ -585,8 +682,6 @@ def tune(
     """Find the gains with the lowest predicted moment.
 
     At required margins, verified by simulation. Takes a minute or two.
-
-    Example: dualbend tune fig6 --out tuned.toml
     """
     from dualbend.analysis.tuning import Margin, write_scenario
     from dualbend.analysis.tuning import tune as search

@@ -60,7 +60,12 @@ def steps_per_cycle(step_s: float) -> int:
 class AlterConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How the path modification is executed and how long it takes to get to the servos."""
 
-    mode: AlterMode = "world"
+    mode: Annotated[
+        AlterMode,
+        msgspec.Meta(
+            description="axes of the deviation: world, the tool's, or the tool's as they first were"
+        ),
+    ] = "world"
     delay_cycles: Annotated[
         int, msgspec.Meta(ge=0, le=100, description="transport delay [command periods]")
     ] = 1

@@ -31,7 +31,10 @@ class LowPassConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
         The cut-off is not below Nyquist (17.857 Hz).
     """
 
-    kind: Literal["fir", "iir", "none"] = "fir"
+    kind: Annotated[
+        Literal["fir", "iir", "none"],
+        msgspec.Meta(description="fir: windowed sinc; iir: Butterworth; none: no filter"),
+    ] = "fir"
     cutoff_hz: Annotated[
         float, msgspec.Meta(gt=0, description="design cut-off, below 17.857 [Hz]")
     ] = 10.0

@@ -15,9 +15,10 @@ from dualbend.control.alter import TransferFunction, Vector
 from dualbend.control.filters import LowPass
 from dualbend.errors import InputError
 
-_Noise = msgspec.Meta(ge=0, description="standard deviation per sample [N] or [N m]; 0: none")
-_Count = msgspec.Meta(ge=0, description="one count [N] or [N m]; 0: not rounded")
-_Range = msgspec.Meta(gt=0, description="full scale ± per axis [N] or [N m]")
+_Noise = msgspec.Meta(ge=0, description="standard deviation per axis and sample; 0: none")
+_Count = msgspec.Meta(ge=0, description="one count; 0: not rounded")
+_Range = msgspec.Meta(gt=0, description="full scale ± per axis")
+_Bias = msgspec.Meta(description="constant error along x, y, z of the sensor")
 
 
 class ForceTorqueConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -36,8 +37,8 @@ class ForceTorqueConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
 
     force_noise_n: Annotated[float, _Noise] = 0.05
     torque_noise_nm: Annotated[float, _Noise] = 0.003
-    force_bias_n: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    torque_bias_nm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    force_bias_n: Annotated[tuple[float, float, float], _Bias] = (0.0, 0.0, 0.0)
+    torque_bias_nm: Annotated[tuple[float, float, float], _Bias] = (0.0, 0.0, 0.0)
     force_range_n: Annotated[float, _Range] = 65.0
     torque_range_nm: Annotated[float, _Range] = 5.0
     force_resolution_n: Annotated[float, _Count] = 0.05

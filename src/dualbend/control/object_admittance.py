@@ -39,8 +39,10 @@ class ObjectComplianceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_u
     gain_margin: Annotated[
         float, msgspec.Meta(gt=1, le=100, description="of the loop, at every bending angle")
     ] = 4.0
-    deadband_n: NotNegative = 0.1
-    deadband_nm: NotNegative = 0.02
+    deadband_n: Annotated[
+        NotNegative, msgspec.Meta(description="force below which nothing moves")
+    ] = 0.1
+    deadband_nm: Annotated[NotNegative, msgspec.Meta(description="the same, moment about z")] = 0.02
     seek_m_per_s: Annotated[
         float, msgspec.Meta(ge=0, le=0.01, description="least speed towards a pin, on its tip")
     ] = 0.5e-3

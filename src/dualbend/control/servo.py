@@ -32,7 +32,9 @@ class JointServoConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
         tuple[Positive, Positive, Positive, Positive, Positive, Positive],
         msgspec.Meta(description="waist to flange, what a load feels"),
     ] = (4.5e4, 3.3e4, 0.57e4, 2.0e3, 2.0e3, 2.0e3)
-    damping_ratio: Annotated[float, msgspec.Meta(gt=0, le=5)] = 1.0
+    damping_ratio: Annotated[
+        float, msgspec.Meta(gt=0, le=5, description="ζ of each joint by itself, 1 is critical [-]")
+    ] = 1.0
 
 
 class JointServo:

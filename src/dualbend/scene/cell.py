@@ -53,8 +53,12 @@ class GraspConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     all three directions; across the sheet the pads would be some eight times stiffer.
     """
 
-    translational_stiffness_n_per_m: Positive = 0.96e6
-    rotational_stiffness_n_m_per_rad: Positive = 267.0
+    translational_stiffness_n_per_m: Annotated[
+        Positive, msgspec.Meta(description="of the pads along x, y and z")
+    ] = 0.96e6
+    rotational_stiffness_n_m_per_rad: Annotated[
+        Positive, msgspec.Meta(description="of the pads about x, y and z")
+    ] = 267.0
     loss_time_s: Annotated[
         float, msgspec.Meta(ge=0, le=0.1, description="damping over stiffness; rubber")
     ] = 1.6e-3

@@ -25,7 +25,13 @@ PHASES: tuple[Phase, ...] = ("settle", "bend", "hold")
 class PathConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Which grip poses belong to a bending angle, and from which to which angle."""
 
-    kind: Literal["exact", "piecewise", "approximate"] = "piecewise"
+    kind: Annotated[
+        Literal["exact", "piecewise", "approximate"],
+        msgspec.Meta(
+            description="exact: no end moment; piecewise: straight pieces between its poses; "
+            "approximate: a polynomial"
+        ),
+    ] = "piecewise"
     start_rad: Annotated[float, msgspec.Meta(ge=0, description="bending angle at the start")] = 0.0
     end_rad: Annotated[float, msgspec.Meta(gt=0, description="bending angle at the end")] = 1.0
     interval_rad: (
@@ -54,13 +60,19 @@ class PathConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 class MotionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How fast the bending angle grows and how long the arms hold before and after."""
 
-    speed_rad_per_s: Annotated[float, msgspec.Meta(gt=0, le=5)] = 0.1
+    speed_rad_per_s: Annotated[
+        float, msgspec.Meta(gt=0, le=5, description="of the bending angle")
+    ] = 0.1
     acceleration_rad_per_s2: (
         Annotated[float, msgspec.Meta(gt=0, description="of a trapezoidal speed; none: constant")]
         | None
     ) = None
-    settle_s: Annotated[float, msgspec.Meta(ge=0, le=600)] = 1.0
-    hold_s: Annotated[float, msgspec.Meta(ge=0, le=600)] = 1.0
+    settle_s: Annotated[
+        float, msgspec.Meta(ge=0, le=600, description="the arms hold the start before they bend")
+    ] = 1.0
+    hold_s: Annotated[
+        float, msgspec.Meta(ge=0, le=600, description="the arms hold the end after they bent")
+    ] = 1.0
 
 
 def make_path(config: PathConfig, length_m: float) -> BendingPath:
