@@ -50,12 +50,16 @@ _SMALLEST, _LARGEST = 1e-15, 1e15
 class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Material, size and division of the sheet; the length is the free one between the grips."""
 
-    length_m: Annotated[float, msgspec.Meta(ge=0.05, le=3.0)]
-    width_m: Annotated[float, msgspec.Meta(ge=0.005, le=3.0)]
-    thickness_m: Annotated[float, msgspec.Meta(ge=1e-5, le=0.01)]
-    young_pa: Annotated[float, msgspec.Meta(ge=1e8, le=1e12)]
-    poisson_ratio: Annotated[float, msgspec.Meta(ge=0, lt=0.5)]
-    density_kg_per_m3: Annotated[float, msgspec.Meta(ge=100, le=25000)]
+    length_m: Annotated[
+        float, msgspec.Meta(ge=0.05, le=3.0, description="free length between the grips")
+    ]
+    width_m: Annotated[float, msgspec.Meta(ge=0.005, le=3.0, description="along the bending axis")]
+    thickness_m: Annotated[
+        float, msgspec.Meta(ge=1e-5, le=0.01, description="at most a twentieth of length and width")
+    ]
+    young_pa: Annotated[float, msgspec.Meta(ge=1e8, le=1e12, description="Young's modulus")]
+    poisson_ratio: Annotated[float, msgspec.Meta(ge=0, lt=0.5, description="enters the twist")]
+    density_kg_per_m3: Annotated[float, msgspec.Meta(ge=100, le=25000, description="mass density")]
     strips: StripConfig = StripConfig()
 
     def __post_init__(self) -> None:
@@ -84,8 +88,13 @@ class ArmsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     A complying arm without a sensor mirrors the deviation of the arm that has one.
     """
 
-    sensing: Annotated[tuple[Side, ...], msgspec.Meta(min_length=1, max_length=2)] = ("left",)
-    complying: Annotated[tuple[Side, ...], msgspec.Meta(max_length=2)] = ("left",)
+    sensing: Annotated[
+        tuple[Side, ...],
+        msgspec.Meta(min_length=1, max_length=2, description="arms with a force/torque sensor"),
+    ] = ("left",)
+    complying: Annotated[
+        tuple[Side, ...], msgspec.Meta(max_length=2, description="arms that the compliance moves")
+    ] = ("left",)
 
     def __post_init__(self) -> None:
         """Refuse an arm that is named twice."""
@@ -97,7 +106,12 @@ class ArmsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 class PhysicsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The physics step."""
 
-    step_s: Annotated[float, msgspec.Meta(ge=1e-5, le=0.028)] = 0.00175
+    step_s: Annotated[
+        float,
+        msgspec.Meta(
+            ge=1e-5, le=0.028, description="of the integrator; divides the command period of 28 ms"
+        ),
+    ] = 0.00175
 
     def __post_init__(self) -> None:
         """Refuse a step that does not divide the command period."""
@@ -107,17 +121,27 @@ class PhysicsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 class ExpectConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Outcomes that are no failure of the command: exit code 0."""
 
-    outcome: Annotated[tuple[Outcome, ...], msgspec.Meta(min_length=1)] = ("completed",)
+    outcome: Annotated[
+        tuple[Outcome, ...], msgspec.Meta(min_length=1, description="how the run may end")
+    ] = ("completed",)
 
 
 class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Everything about a run."""
 
     name: Annotated[
-        str, msgspec.Meta(min_length=1, max_length=100, pattern=r"^[A-Za-z0-9][\w.+-]*\Z")
+        str,
+        msgspec.Meta(
+            min_length=1,
+            max_length=100,
+            pattern=r"^[A-Za-z0-9][\w.+-]*\Z",
+            description="letters, digits and . _ + -; names the folder of the results",
+        ),
     ]
-    description: str = ""
-    seed: Annotated[int, msgspec.Meta(ge=0)] = 1
+    description: Annotated[
+        str, msgspec.Meta(description="what the scenario shows, in one line")
+    ] = ""
+    seed: Annotated[int, msgspec.Meta(ge=0, description="of the sensor's noise")] = 1
     sheet: SheetConfig
     path: PathConfig
     motion: MotionConfig = MotionConfig()
@@ -230,13 +254,16 @@ def _merge(
     # A base that does not say its kind has the default one.
     default = fields["kind"].default if "kind" in fields else None
     if "kind" in over and over["kind"] != base.get("kind", default):
-        return dict(over)
+        base = {}
     merged = dict(base)
     for key, value in over.items():
         if value == UNSET and key in fields and fields[key].default is None:
             merged.pop(key, None)
-        elif isinstance(value, dict) and isinstance(merged.get(key), dict):
-            merged[key] = _merge(merged[key], value, fields[key].type if key in fields else None)
+        elif isinstance(value, dict):
+            # Also where the base has no such section: UNSET in it says nothing.
+            below = merged.get(key)
+            kind_below = fields[key].type if key in fields else None
+            merged[key] = _merge(below if isinstance(below, dict) else {}, value, kind_below)
         else:
             merged[key] = value
     for given, other in (_ALTERNATIVES, _ALTERNATIVES[::-1]):
