@@ -435,6 +435,8 @@ def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
 
     Without a run. A layout that has no such angle is refused with what is missing.
     """
+    import json
+
     from dualbend.run.assembly_run import assembly_plan
     from dualbend.run.scenario import load_scenario
     from dualbend.task.assembly_plan import plan_summary

@@ -33,7 +33,12 @@ class AxisConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     b: Annotated[float, msgspec.Meta(gt=0, description="damping [N s/mm, N m s/deg; or SI]")]
     k: Annotated[float, msgspec.Meta(gt=0, description="stiffness [N/mm, N m/deg; or SI]")]
-    form: AdmittanceForm = "printed"
+    form: Annotated[
+        AdmittanceForm,
+        msgspec.Meta(
+            description="(15) as printed, with the missing T, or with the true static stiffness"
+        ),
+    ] = "printed"
     from_alpha_rad: Annotated[
         float, msgspec.Meta(ge=0, description="bending angle from which the axis acts [rad]")
     ] = 0.0
@@ -51,10 +56,14 @@ class AdmittanceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
     x: AxisConfig | None = None
     rotation: AxisConfig | None = None
-    units: Literal["paper", "si", "sheet"] = "paper"
+    units: Annotated[
+        Literal["paper", "si", "sheet"], msgspec.Meta(description="in which b and k are given")
+    ] = "paper"
     limit_x_m: Annotated[float, msgspec.Meta(gt=0, description="largest |δx| [m]")] = 0.02
     limit_rotation_rad: Annotated[float, msgspec.Meta(gt=0, description="largest |δα| [rad]")] = 0.1
-    tare: bool = False
+    tare: Annotated[
+        bool, msgspec.Meta(description="loads count from the first reading after switching on")
+    ] = False
     schedule: ScheduleConfig | None = None
     reference: ReferenceConfig | None = None
     fusion: FusionConfig | None = None

@@ -30,7 +30,9 @@ class ReferenceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     from_rad: Annotated[
         float, msgspec.Meta(ge=0.005, le=1, description="below it the force of this slope [rad]")
     ] = 0.05
-    known_weight: bool = False
+    known_weight: Annotated[
+        bool, msgspec.Meta(description="take the vertical force for half the sheet's weight")
+    ] = False
 
 
 def moment_rows(config: ReferenceConfig | None, known: KnownSheet, alpha_rad: float) -> Vector:

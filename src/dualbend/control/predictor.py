@@ -41,7 +41,9 @@ class PredictorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     lead_until_rad: Annotated[
         float, msgspec.Meta(gt=0, description="slope from which there is no lead any more [rad]")
     ] = 1e3
-    inertia: bool = True
+    inertia: Annotated[
+        bool, msgspec.Meta(description="take off what the known tool's inertia makes")
+    ] = True
 
 
 class ResponseLead:

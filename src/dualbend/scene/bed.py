@@ -68,11 +68,15 @@ class HolesConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 class PinsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The four alignment pins, where the holes of a flat sheet belong."""
 
-    diameter_m: Annotated[float, msgspec.Meta(ge=1e-3, le=0.03)] = 4.76e-3
+    diameter_m: Annotated[float, msgspec.Meta(ge=1e-3, le=0.03, description="of the shank")] = (
+        4.76e-3
+    )
     height_m: Annotated[float, msgspec.Meta(ge=2e-3, le=0.05, description="tip above the bed")] = (
         6e-3
     )
-    tip: Literal["round", "taper"] = "round"
+    tip: Annotated[Literal["round", "taper"], msgspec.Meta(description="half a ball or a cone")] = (
+        "round"
+    )
     taper_length_m: Annotated[
         float, msgspec.Meta(gt=0, le=0.05, description="of a tapered tip")
     ] = 4e-3
@@ -89,8 +93,8 @@ class PinsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 class BedConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The assembly bed: a flat block with the pins, under the cell's origin."""
 
-    half_length_m: Length = 0.16
-    half_width_m: Length = 0.05
+    half_length_m: Annotated[Length, msgspec.Meta(description="half the block along x")] = 0.16
+    half_width_m: Annotated[Length, msgspec.Meta(description="half the block along y")] = 0.05
     top_m: Annotated[float, msgspec.Meta(gt=0, lt=3, description="above the floor")] = 0.672
     friction: Annotated[float, msgspec.Meta(ge=0, le=2, description="bed and stand")] = 0.2
 
@@ -101,8 +105,8 @@ class StandConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     y_m: Annotated[float, msgspec.Meta(ge=-1.5, le=1.5, description="its middle, in the world")] = (
         0.30
     )
-    half_length_m: Length = 0.16
-    half_width_m: Length = 0.05
+    half_length_m: Annotated[Length, msgspec.Meta(description="half the block along x")] = 0.16
+    half_width_m: Annotated[Length, msgspec.Meta(description="half the block along y")] = 0.05
     top_m: Annotated[float, msgspec.Meta(gt=0, lt=3, description="above the floor")] = 0.672
 
 
