@@ -30,7 +30,7 @@ from dualbend.scene.grippers import Grippers
 from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.pin_contacts import PinContacts
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
-from dualbend.task.assembly import PHASES, AssemblyTask, Goal, Posture, Sensed
+from dualbend.task.assembly import PHASES, AssemblyTask, Goal, Posture, Sensed, TaskStopped
 from dualbend.task.assembly_plan import AssemblyPlan, plan_assembly
 from dualbend.task.assembly_workplace import check_workplace
 from dualbend.task.bending import make_path
@@ -218,6 +218,10 @@ class AssemblyRun(Run):
         steps = task.steps()
         goal = next(steps)
         while True:
+            if cycle.trace.rows == self.cycles:
+                raise TaskStopped(
+                    f"{PHASES[goal.phase]}: not done within {self.config.sheets * LONGEST_S:g} s"
+                )
             if task.laid > len(self.laid):
                 self.laid.append(self.pins.offsets())
                 self._supply()
