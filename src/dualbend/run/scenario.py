@@ -235,8 +235,10 @@ def _merge(
     for key, value in over.items():
         if value == UNSET and key in fields and fields[key].default is None:
             merged.pop(key, None)
-        elif isinstance(value, dict) and isinstance(merged.get(key), dict):
-            merged[key] = _merge(merged[key], value, fields[key].type if key in fields else None)
+        elif isinstance(value, dict):
+            below = merged.get(key)
+            kind_below = fields[key].type if key in fields else None
+            merged[key] = _merge(below if isinstance(below, dict) else {}, value, kind_below)
         else:
             merged[key] = value
     for given, other in (_ALTERNATIVES, _ALTERNATIVES[::-1]):
