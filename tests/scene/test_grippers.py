@@ -40,7 +40,9 @@ class Bench:
         """Start anew with the sheet this far from where the arms believe it."""
         flat = np.zeros(SCENARIO.sheet.strips.hinges + 1)
         self.cell.response.reset(self.cell.home)
-        self.cell.simulation.reset(self.cell.home, OPEN_M, flat, self.middle + [x, y, 0.0], yaw)
+        self.cell.simulation.reset(
+            self.cell.home, OPEN_M, flat, self.middle + np.array([x, y, 0.0]), yaw
+        )
         self.jaws.reset(OPEN_M)
 
     def go(self, opening: float, cycles: int) -> None:
@@ -172,7 +174,7 @@ def test_what_was_let_go_can_be_gripped_again_elsewhere(bench: Bench) -> None:
     bench.go(0.0, 25)
     bench.go(OPEN_M, 15)
     flat = np.zeros(SCENARIO.sheet.strips.hinges + 1)
-    bench.cell.simulation.put_sheet(flat, bench.middle + [-2e-3, -1e-3, 0.0], -0.008)
+    bench.cell.simulation.put_sheet(flat, bench.middle - np.array([2e-3, 1e-3, 0.0]), -0.008)
     mujoco.mj_forward(bench.model, bench.data)
     before, along_before = bench.ends()
     bench.go(0.0, 25)

@@ -89,7 +89,7 @@ class World:
         held = 1 <= goal.phase <= PHASES.index("seat outer")
         seat = SEAT_Z + task.laid * T
         vertical = np.zeros(2)
-        if held and posture.z > STAND_Z + 1e-3 or goal.phase > 3:
+        if (held and posture.z > STAND_Z + 1e-3) or goal.phase > 3:
             vertical -= 0.5 * self.weight * WEIGHT_N
         if posture.alpha > 0.0 or goal.phase >= PHASES.index("unfold"):
             vertical += 0.5 * self._middle(posture, seat)
@@ -99,7 +99,8 @@ class World:
 
     def _middle(self, posture: Posture, seat: float) -> float:
         """Rest on the bed where the holes fit, else on the tips."""
-        press = self.task.press_force_n / self.task.config.press_m * max(seat - posture.z, 0.0)
+        softness = max(self.task.config.press_m, 1e-6)
+        press = self.task.press_force_n / softness * max(seat - posture.z, 0.0)
         if self.middle_at(posture):
             return press
         stiffness = self.task.tip_force_n / HEIGHT
@@ -195,7 +196,7 @@ def test_the_phases_end_at_the_waypoints() -> None:
 
 
 def rates(goals: list[Goal]) -> dict[str, float]:
-    """Return the largest change of each component of the posture from cycle to cycle, per second."""
+    """Return the largest change of each component from cycle to cycle, per second."""
     table = np.array([dataclasses.astuple(goal.posture) for goal in goals])
     names = [item.name for item in dataclasses.fields(Posture)]
     steps = np.abs(np.diff(table, axis=0)).max(axis=0) / COMMAND_PERIOD_S
@@ -433,7 +434,9 @@ def test_a_constant_offset_of_the_force_sensors_is_not_felt() -> None:
         sensed = answer(goal)
         bias = np.array([0.05, 0.05])
         return dataclasses.replace(
-            sensed, vertical=sensed.vertical + bias, net=sensed.net + [0.3, -0.2, 0.1, 0.05]
+            sensed,
+            vertical=sensed.vertical + bias,
+            net=sensed.net + np.array([0.3, -0.2, 0.1, 0.05]),
         )
 
     world.answer = biased  # type: ignore[method-assign]
@@ -487,6 +490,16 @@ def held_force(height: float) -> float:
 def test_the_force_between_rigid_grips_is_that_of_least_energy(height: float) -> None:
     # Both solve the same equations, to 1e-6 or so: no discretisation to speak of.
     assert make()._middle_force(height) == pytest.approx(held_force(height), rel=1e-3, abs=1e-5)
+
+
+@pytest.mark.parametrize("config", [COMPLIANT, RIGID])
+def test_a_sheet_may_be_laid_without_any_press(config: AssemblyConfig) -> None:
+    """The bed's height is reached and nothing holds the sheet up: that is seated."""
+    flat = msgspec.structs.replace(config, press_m=0.0)
+    world = World(make(flat))
+    goals = play(world)
+    assert phases(goals) == list(PHASES)
+    assert {goal.attempt for goal in goals} == {0}
 
 
 def test_the_press_is_less_than_what_tells_of_a_tip() -> None:
