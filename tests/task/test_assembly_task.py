@@ -283,6 +283,31 @@ def test_the_sheet_complies_only_where_it_may_touch(place: int) -> None:
     assert all(goal.bend is not None for goal in seeking)
 
 
+def test_seeking_an_outer_pin_the_sheet_complies_as_far_as_it_is_bent() -> None:
+    world = World(make(FEW), outer_at=lambda _: False)
+    stopped(world)
+    seeking = [goal for goal in world.goals if goal.seeking]
+    assert {PHASES[goal.phase] for goal in seeking} == {"lower outer"}
+    for goal in seeking:
+        # Analytic: the same ratio.
+        assert goal.bend == pytest.approx(goal.posture.alpha / BEND_RAD)
+        assert goal.posture.alpha < TOUCH_RAD
+
+
+def test_while_it_seeks_the_press_on_a_tip_is_relieved_for_the_time_out_at_most() -> None:
+    world = World(make(FEW), middle_at=lambda _: False)
+    stopped(world)
+    for group in attempts(world.goals, "lower"):
+        heights = [goal.posture.z for goal in group if goal.seeking]
+        # Touched at more than is pressed with while it seeks: the middle rises, slower and slower.
+        steps = np.diff(heights)
+        assert (steps >= 0.0).all()
+        assert steps[-1] < steps[0]
+        assert heights[-1] > heights[0]
+        # Analytic: the time-out in whole cycles, and the one that finds it over.
+        assert len(heights) == pytest.approx(FEW.timeout_s / COMMAND_PERIOD_S, abs=1.0)
+
+
 def test_rigid_arms_never_comply_nor_seek() -> None:
     world = World(make(RIGID))
     assert not any(goal.seeking for goal in play(world))
