@@ -450,22 +450,27 @@ def test_jaws_that_never_rest_stop_the_task() -> None:
 # --- numbers ------------------------------------------------------------------------------------
 
 
-def test_a_constant_offset_of_the_force_sensors_is_not_felt() -> None:
-    """Support is told against the bent sheet in the air, so that a bias of 0.1 N is none."""
+@pytest.mark.parametrize("drift", [-3.0, 3.0])
+def test_what_the_sensors_drifted_by_before_the_bend_ended_is_not_felt(drift: float) -> None:
+    """Support is told against the bent sheet in the air: 3 N on each arm would be a pin's tip."""
     world = World(make())
     answer = world.answer
 
-    def biased(goal: Goal) -> Sensed:
+    def drifted(goal: Goal) -> Sensed:
         sensed = answer(goal)
-        bias = np.array([0.05, 0.05])
+        if goal.phase < PHASES.index("carry"):
+            return sensed
         return dataclasses.replace(
             sensed,
-            vertical=sensed.vertical + bias,
-            net=sensed.net + np.array([0.3, -0.2, 0.1, 0.05]),
+            vertical=sensed.vertical + drift,
+            net=sensed.net + np.array([0.3, -0.2, 2 * drift, 0.05]),
         )
 
-    world.answer = biased  # type: ignore[method-assign]
-    assert phases(play(world)) == list(PHASES)
+    world.answer = drifted  # type: ignore[method-assign]
+    goals = play(world)
+    assert phases(goals) == list(PHASES)
+    assert {goal.attempt for goal in goals} == {0}
+    assert not any(goal.seeking for goal in goals)
     # Analytic: the difference of two equal numbers.
     touched = world.task.contact_wrench(np.array([0.3, -0.2, 0.0, 0.05]))
     np.testing.assert_allclose(touched, 0.0, atol=1e-12)
