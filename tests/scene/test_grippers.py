@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dualbend.run.robot_cell import RobotCell
 from dualbend.run.scenario import load_scenario
 from dualbend.scene import arm
+from dualbend.scene.bed import GRIPPING
 from dualbend.scene.cell import PAD_SITE, SIDES
 from dualbend.scene.grippers import Grippers
 from dualbend.scene.sheet import LEFT_END, RIGHT_END
@@ -174,7 +175,7 @@ def test_what_was_let_go_can_be_gripped_again_elsewhere(bench: Bench) -> None:
     bench.go(0.0, 25)
     bench.go(OPEN_M, 15)
     flat = np.zeros(SCENARIO.sheet.strips.hinges + 1)
-    bench.cell.simulation.put_sheet(flat, bench.middle + np.array([-2e-3, -1e-3, 0.0]), -0.008)
+    bench.cell.simulation.put_sheet(flat, bench.middle - np.array([2e-3, 1e-3, 0.0]), -0.008)
     mujoco.mj_forward(bench.model, bench.data)
     before, along_before = bench.ends()
     bench.go(0.0, 25)
@@ -189,12 +190,15 @@ def test_a_reset_forgets_the_hold(bench: Bench) -> None:
     bench.lay()
     sites = [bench.model.site(end).id for end in (LEFT_END, RIGHT_END)]
     fresh = bench.model.site_pos[sites].copy(), bench.model.site_quat[sites].copy()
-    rubber = bench.model.geom_conaffinity.copy()
+    rubber = [
+        bench.model.geom(f"{side}_{jaw}_rubber").id for side in SIDES for jaw in arm.JAW_JOINTS
+    ]
     bench.lay(2e-3, 1e-3, 0.008)
     bench.go(0.0, 25)
     assert (bench.model.site_pos[sites] != fresh[0]).any()
+    np.testing.assert_array_equal(bench.model.geom_conaffinity[rubber], 0)
     bench.lay()
     np.testing.assert_array_equal(bench.model.site_pos[sites], fresh[0])
     np.testing.assert_array_equal(bench.model.site_quat[sites], fresh[1])
-    np.testing.assert_array_equal(bench.model.geom_conaffinity, rubber)
+    np.testing.assert_array_equal(bench.model.geom_conaffinity[rubber], GRIPPING)
     assert bench.jaws.holding == (False, False)

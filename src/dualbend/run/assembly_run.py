@@ -239,7 +239,7 @@ class AssemblyRun(Run):
         while True:
             if cycle.trace.rows == self.cycles:
                 raise TaskStopped(
-                    f"{PHASES[goal.phase]}: the task is not done within {LONGEST_S:g} s a sheet"
+                    f"{PHASES[goal.phase]}: not done within {self.config.sheets * LONGEST_S:g} s"
                 )
             if task.laid > len(self.laid):
                 self.laid.append(self.pins.offsets())

@@ -61,7 +61,7 @@ class Grippers:
         target = -_SQUEEZE_M if opening_m <= 0.0 else opening_m
         for drives, held, gap in zip(self._drives, self.holding, self.gap_m, strict=True):
             # Jaws that hold stay where they are until they are opened: their spindle locks itself.
-            if not held or 2.0 * opening_m > gap:
+            if not held or 2.0 * opening_m > max(gap, 0.0):
                 self._data.ctrl[drives] = target
 
     @property

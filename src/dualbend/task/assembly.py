@@ -402,7 +402,7 @@ class AssemblyTask:
             self._enter("seat middle", attempt)
             yield from self._settle(bend=1.0)
             support = self._support(_MEAN_CYCLES)
-            if support < missed and self._posture.z < self._seat_z:
+            if support < missed and self._posture.z <= self._seat_z - config.press_m:
                 break
         else:
             raise self._stopped(
