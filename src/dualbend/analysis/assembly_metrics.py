@@ -35,7 +35,8 @@ def final_holes(result: RunResult) -> Vector:
         laid.append(np.array(columns))
     holes = np.array(laid).reshape(len(laid), len(HOLES), 3)
     # Each sheet rests on those before it.
-    holes[:, :, 2] -= result.scenario.sheet.thickness_m * np.arange(len(laid))[:, np.newaxis]
+    thickness = assembly.errors.true_sheet(result.scenario.sheet.sheet()).thickness_m
+    holes[:, :, 2] -= thickness * np.arange(len(laid))[:, np.newaxis]
     return holes
 
 

@@ -198,7 +198,7 @@ def assembly_metrics(result: RunResult) -> dict[str, Metric]:
 
 def _largest(rows: list[dict[str, Any]], key: str) -> float | None:
     values = [row[key] for row in rows if row[key] is not None]
-    return max(values) if values else None
+    return max(abs(value) for value in values) if values else None
 
 
 def summary(result: RunResult) -> dict[str, Any]:

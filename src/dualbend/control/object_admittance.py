@@ -78,6 +78,11 @@ class ObjectAdmittance:
         """Return to no deviation."""
         self.deviation = np.zeros(3)
 
+    def relax(self, speed_m_per_s: float) -> None:
+        """Go back towards no deviation, x and y with this speed [m/s], yaw in as long as that."""
+        step = COMMAND_PERIOD_S * speed_m_per_s * self._limit / self._limit[0]
+        self.deviation = self.deviation - np.clip(self.deviation, -step, step)
+
     def mobility(self, bend: float) -> Vector:
         """Return 1/B (3,) at a bending angle over that at which the sheet is laid."""
         return np.array([np.interp(bend, self._bends, column) for column in self._mobility.T])
@@ -125,8 +130,10 @@ def critical_rate(path: Sequence[TransferFunction], latency_cycles: float) -> fl
     loop = COMMAND_PERIOD_S / (1.0 - back) * back**latency_cycles
     for numerator, denominator in path:
         loop = loop * np.polyval(numerator[::-1], back) / np.polyval(denominator[::-1], back)
-    phase = np.unwrap(np.angle(loop))
-    at = int(np.argmax(phase <= -np.pi))
+    turned = np.unwrap(np.angle(loop)) <= -np.pi
+    if not turned.any():
+        return math.inf
+    at = int(np.argmax(turned))
     return float(1.0 / np.abs(loop[at]))
 
 

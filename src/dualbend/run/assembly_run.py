@@ -132,7 +132,7 @@ class AssemblyRun(Run):
         self.pins = PinContacts(
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
-        simulation.watch = self.pins
+        simulation.watch = self
 
     def _make_task(self) -> AssemblyTask:
         """Return the robots' program, anew: it has a memory."""
@@ -173,6 +173,11 @@ class AssemblyRun(Run):
     def cycles(self) -> int:
         """Number of command cycles, at most."""
         return round(self.config.sheets * LONGEST_S / COMMAND_PERIOD_S)
+
+    def look(self) -> None:
+        """Look at pins and jaws after every physics step."""
+        self.pins.look()
+        self.grippers.look()
 
     def start(self) -> SensorSample:
         """Put the arms beside the stand, jaws open, and a sheet upon it."""
@@ -255,7 +260,7 @@ class AssemblyRun(Run):
                 if goal.bend is not None:
                     admittance.update(task.contact_wrench(net), goal.bend, goal.seeking)
                 elif goal.phase < PHASES.index("lower"):
-                    admittance.reset()
+                    admittance.relax(self.config.speeds.travel_m_per_s)
                 deviation = admittance.deviation
             self._note(cycle, goal, task.laid, deviation, net)
             moved = place + delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]

@@ -24,8 +24,7 @@ HOLES = ("middle_left", "middle_right", "outer_left", "outer_right")
 """Holes and pins, as every array of four has them; left is negative along the sheet."""
 
 _RING_SIDES = 32
-"""Sides of the polygon that stands for a hole: its room differs by 6 µm between side and corner,
-and is the circle's on average. Eight sides would give a pin 0.2 mm more towards the corners."""
+"""Sides of the polygon around a hole's circle; eight would give 0.2 mm more towards corners."""
 
 _RING_DEPTH_M = 8e-3
 """How far the hole's ring reaches into the sheet: a hole that far off its pin still rests on it."""
@@ -277,7 +276,6 @@ def _add_ring(
 ) -> None:
     """Add a hole as a ring of boxes."""
     radius = (layout.pins.diameter_m + layout.holes.clearance_m) / 2
-    radius *= math.sqrt(math.cos(math.pi / _RING_SIDES))
     half_side = (radius + _RING_DEPTH_M) * math.tan(math.pi / _RING_SIDES)
     body.add_site(name=f"hole_{name}", pos=[*centre_m, 0.0], group=4, size=[radius, radius, radius])
     for i in range(_RING_SIDES):

@@ -75,6 +75,11 @@ class Grippers:
         left, right = self._data.eq_active[self._holds]
         return bool(left), bool(right)
 
+    def look(self) -> None:
+        """Hold what both jaws press at once: a step later they would be through a thin sheet."""
+        if self._opening_m < self._thickness_m and not all(self.holding):
+            self.update()
+
     def update(self) -> None:
         """Hold what both jaws press, let go of what they no longer touch; once a cycle."""
         for i, held in enumerate(self.holding):

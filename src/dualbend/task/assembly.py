@@ -21,6 +21,7 @@ from dualbend.beam.rod import solve_planar
 from dualbend.beam.sheet import Sheet
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.control.object_admittance import ObjectComplianceConfig
+from dualbend.errors import InputError
 from dualbend.scene.bed import LayoutConfig
 
 Vector = NDArray[np.float64]
@@ -320,7 +321,12 @@ class AssemblyTask:
         L, weight = self.sheet.length_m, self.sheet.mass_kg * GRAVITY_M_PER_S2
         grip, middle = (-half, rise, self.bend_rad), (0.0, height_m, 0.0)
         state = solve_planar(self.sheet.bending_stiffness_nm2, L / 2, grip, middle, weight / L)
-        return -2.0 * state.right.force_z_n if state.converged else math.inf
+        if not state.converged:
+            raise InputError(
+                f"the force of the bent sheet held {1e3 * height_m:.2f} mm up was not found "
+                f"({state.reason}): what is felt could not be judged"
+            )
+        return -2.0 * state.right.force_z_n
 
     def waypoints(self) -> list[tuple[str, Posture]]:
         """Return the postures between which the arms move, by the phase that ends there."""
@@ -397,7 +403,8 @@ class AssemblyTask:
         missed = self.press_force_n + 0.3 * (self.tip_force_n - self.press_force_n)
         for attempt, (dx, dy) in enumerate(search_pattern(config.search)):
             self._enter("lower", attempt)
-            yield from self._move(z=tips, x=dx, y=dy)
+            yield from self._move(z=tips)
+            yield from self._move(x=dx, y=dy)
             yield from self._push_down()
             self._enter("seat middle", attempt)
             yield from self._settle(bend=1.0)
@@ -442,11 +449,12 @@ class AssemblyTask:
         self._enter("unfold")
         yield from self._unfold_to(touch, speeds.unfold_rad_per_s)
         yaw = self._posture.yaw
-        for attempt, (_, dy) in enumerate(search_pattern(config.search)):
+        along = config.layout.holes.outer.along_m
+        for attempt, aside in enumerate(side_to_side(config.search)):
             self._enter("lower outer", attempt)
             if attempt:
                 yield from self._unfold_to(touch, speeds.unfold_rad_per_s)
-                yield from self._move(yaw=yaw + 0.2 * dy / config.layout.holes.outer.along_m)
+                yield from self._move(yaw=yaw + aside / along)
             yield from self._unfold_to(0.0, speeds.contact_rad_per_s, press)
             self._enter("seat outer", attempt)
             yield from self._settle(bend=0.0)
@@ -632,6 +640,18 @@ class AssemblyTask:
 def _between(begin: float, end: float, share: float) -> float:
     """Interpolate; rounding must not leave the range, nor change what stays."""
     return begin if begin == end else (1.0 - share) * begin + share * end
+
+
+def side_to_side(search: SearchConfig) -> list[float]:
+    """Return how far the outer holes are turned aside [m]: the middle is on its pins already.
+
+    A quarter of the step: what the middle holes' clearance leaves is less than that of a free
+    sheet.
+    """
+    places = [0.0]
+    for n in range(search.attempts):
+        places.append((1 + n // 2) * (0.25 if n % 2 == 0 else -0.25) * search.step_m)
+    return places
 
 
 def search_pattern(search: SearchConfig) -> list[tuple[float, float]]:
