@@ -16,6 +16,9 @@ Vector = NDArray[np.float64]
 _SQUEEZE_M = 4e-4
 """How far beyond closed the jaws are driven: 8 N less friction on what is between them."""
 
+_SQUEEZE_STEP_M = 2e-5
+"""By which the squeeze grows each time that the jaws are told to close."""
+
 _LET_GO_M = 5e-4
 """Distance of a pad from the sheet's face at which the sheet is free."""
 
@@ -45,7 +48,7 @@ class Grippers:
         # A site that is parallel to its body is compiled to stay so: its quaternion goes unread.
         model.site_sameframe[self._ends] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         self._holds = [model.equality(f"{side}_hold").id for side in SIDES]
-        self._opening_m = 0.0
+        self._opening_m = self._squeeze_m = 0.0
 
     def reset(self, opening_m: float) -> None:
         """Open both jaws of each gripper; nobody holds anything."""
@@ -58,7 +61,11 @@ class Grippers:
     def drive(self, opening_m: float) -> None:
         """Drive each jaw to this distance from the middle [m]; 0 closes with force."""
         self._opening_m = opening_m
-        target = -_SQUEEZE_M if opening_m <= 0.0 else opening_m
+        # Little by little: what jumps would be through a thin sheet in a step.
+        self._squeeze_m = min(self._squeeze_m + _SQUEEZE_STEP_M, _SQUEEZE_M)
+        if opening_m > 0.0:
+            self._squeeze_m = 0.0
+        target = opening_m if opening_m > 0.0 else -self._squeeze_m
         for drives, held, gap in zip(self._drives, self.holding, self.gap_m, strict=True):
             # Jaws that hold stay where they are until they are opened: their spindle locks itself.
             if not held or 2.0 * opening_m > max(gap, 0.0):
