@@ -552,6 +552,20 @@ def robustness(
 @click.option(
     "--map", "map_file", type=click.Path(path_type=Path), help="PNG of the stable region in (b, k)."
 )
+@click.option(
+    "--map-b",
+    type=(float, float),
+    default=(1e-2, 1e2),
+    show_default=True,
+    help="Range of b in the map, times the scenario's.",
+)
+@click.option(
+    "--map-k",
+    type=(float, float),
+    default=(1e-4, 1e1),
+    show_default=True,
+    help="Range of k in the map, times the scenario's.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option(
     "--confront",
@@ -570,6 +584,8 @@ def stability(
     scenario: str,
     axis: Literal["x", "rotation", "coupled"],
     map_file: Path | None,
+    map_b: tuple[float, float],
+    map_k: tuple[float, float],
     as_json: bool,
     confronted: bool,
     out: Path | None,
@@ -595,7 +611,8 @@ def stability(
         from dualbend.analysis.figures import plot_stability_map
         from dualbend.analysis.stability_map import stability_map
 
-        plot_stability_map(stability_map(loaded, prediction), loaded.name, map_file)
+        panels = stability_map(loaded, prediction, map_b, map_k)
+        plot_stability_map(panels, loaded.name, map_file)
     if as_json:
         import msgspec
 

@@ -27,8 +27,8 @@ ComplexVector = NDArray[np.complex128]
 PER_DECADE = 20
 """Gains in a decade of a map, b and k alike."""
 
-B_DECADES, K_DECADES = (-2, 2), (-4, 1)
-"""How far a map reaches from the scenario's gains; the paper's boundary is at k below k_e."""
+B_TIMES, K_TIMES = (1e-2, 1e2), (1e-4, 1e1)
+"""How far a map reaches, times the scenario's gains; the paper's boundary is at k below k_e."""
 
 SHOWN_ANGLES = 4
 
@@ -53,16 +53,30 @@ class Panel:
     gains: tuple[float, float]
 
 
-def stability_map(scenario: Scenario, prediction: Prediction) -> list[Panel]:
-    """Return the map of every axis that a prediction is about.
+def stability_map(
+    scenario: Scenario,
+    prediction: Prediction,
+    b_times: tuple[float, float] = B_TIMES,
+    k_times: tuple[float, float] = K_TIMES,
+) -> list[Panel]:
+    """Return the map of every axis that a prediction is about, times the scenario's gains.
 
-    Raises InputError where there is nothing to map.
+    Raises InputError where there is nothing to map, or a range is empty or not positive.
     """
+    for key, (low, high) in (("--map-b", b_times), ("--map-k", k_times)):
+        if not 0.0 < low < high < math.inf:
+            raise InputError(
+                f"{key} {low:g} {high:g}: an empty range; needs two growing multiples of the "
+                "scenario's gain above 0, e.g. 0.01 100"
+            )
+    factors = _reach(*b_times), _reach(*k_times)
     if not prediction.rows:
         raise InputError(f"--map: {prediction.reason}")
     elements = LoopElements.from_scenario(scenario)
     # The last row has all axes that ever act.
-    return [_panel(scenario, elements, prediction, name) for name in prediction.rows[-1].axes]
+    return [
+        _panel(scenario, elements, prediction, name, factors) for name in prediction.rows[-1].axes
+    ]
 
 
 def _panel(
@@ -70,12 +84,13 @@ def _panel(
     elements: LoopElements,
     prediction: Prediction,
     axis: Literal["x", "rotation"],
+    factors: tuple[Vector, Vector],
 ) -> Panel:
     config = scenario.compliance
     given = config.x if axis == "x" else config.rotation
     assert given is not None
     factor = si_per_unit(config.units, axis)
-    b, k = given.b * _reach(B_DECADES), given.k * _reach(K_DECADES)
+    b, k = given.b * factors[0], given.k * factors[1]
     omega = 2.0 * math.pi * elements.response.config.natural_frequency_hz
     rows = [row for row in prediction.rows if axis in row.axes]
     shown = [
@@ -92,7 +107,7 @@ def _panel(
         units=gain_units(config, axis),
         b=b,
         k=k,
-        sampled={alpha: _gain_margins(config, axis, gain) for alpha, gain in felt.items()},
+        sampled={alpha: _gain_margins(config, axis, gain, factors) for alpha, gain in felt.items()},
         paper=largest_stiffness(
             b[:, np.newaxis] * factor,
             k[np.newaxis] * factor,
@@ -109,9 +124,10 @@ def _panel(
     )
 
 
-def _reach(decades: tuple[int, int]) -> Vector:
-    """Return the factors on a gain, equally spaced in the logarithm."""
-    return np.logspace(*decades, PER_DECADE * (decades[1] - decades[0]) + 1)
+def _reach(low: float, high: float) -> Vector:
+    """Return the factors on a gain, as far apart in every range: a diagonal is one k/b."""
+    steps = max(1, round(PER_DECADE * math.log10(high / low)))
+    return low * 10.0 ** (np.arange(steps + 1) / PER_DECADE)
 
 
 def gain_units(config: AdmittanceConfig, axis: Literal["x", "rotation"]) -> tuple[str, str]:
@@ -130,7 +146,10 @@ def axis_alone(
 
 
 def _gain_margins(
-    config: AdmittanceConfig, axis: Literal["x", "rotation"], felt: ComplexVector
+    config: AdmittanceConfig,
+    axis: Literal["x", "rotation"],
+    felt: ComplexVector,
+    factors: tuple[Vector, Vector],
 ) -> Vector:
     """Return the gain margin (n, m) of the sampled loop; 1 is the boundary.
 
@@ -139,7 +158,7 @@ def _gain_margins(
     """
     given = config.x if axis == "x" else config.rotation
     assert given is not None
-    along_b, along_k = _reach(B_DECADES), _reach(K_DECADES)
+    along_b, along_k = factors
     found = np.empty((along_b.size, along_k.size))
     by_diagonal: dict[int, float] = {}
     for i, of_b in enumerate(along_b):
