@@ -12,6 +12,7 @@ import numpy as np
 import rerun as rr
 
 from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.run.recording_assembly import log_contact, log_sheet_lane, state_colours, states
 from dualbend.run.recording_layout import layout
 from dualbend.run.recording_log import Colour, RecordingLog, Vector
 from dualbend.run.recording_scales import Scales
@@ -27,10 +28,20 @@ _STATE_COLOURS = {
     "settle": 0x78909CFF,
     "bend": 0x42A5F5FF,
     "hold": 0x7E57C2FF,
+}
+_OUTCOME_COLOURS = {
     "completed": 0x4CAF50FF,
     "protective stop": 0xFFB300FF,
+    "aborted": 0xFFB300FF,
     "failed": 0xEF5350FF,
 }
+
+_ASSEMBLY_LEGEND = (
+    "* phases: `lower 2` is the second attempt to lower",
+    "* brass: the pins; dark discs with a white rim: the sheet's holes; pale: sheets laid before",
+    "* a hole is on its pin where its offset is within half the clearance and its height is that "
+    "of the sheets below",
+)
 
 _LANE = 0.1
 """Length of the outcome in the lane of phases, over that of the run."""
@@ -67,7 +78,12 @@ def write_recording(result: RunResult, path: Path) -> None:
         log_scene(log, result, scales)
         for quantity, column, unit in (("moment", "moment_y", "N m"), ("force", "force_x", "N")):
             _log_wrench(log, result, quantity, column, unit)
-        _log_poses(log, result.trace)
+        _log_angles(log, result.trace)
+        if result.scenario.assembly is None:
+            _log_deviations(log, result.trace)
+        else:
+            log_contact(log, result.trace)
+            log_sheet_lane(log, result)
         _log_joints(log, result.trace)
         _log_phases(log, result)
     finally:
@@ -94,18 +110,24 @@ def _log_wrench(
         )
 
 
-def _log_poses(log: RecordingLog, trace: Trace) -> None:
-    """Log the angles of the grips and the deviations that compliance makes."""
+def _log_angles(log: RecordingLog, trace: Trace) -> None:
+    """Log the angles of the grips."""
     angles: list[tuple[str, Vector, Colour, float]] = []
     angles.append(("nominal [rad]", trace["nominal_alpha"], NOMINAL_COLOUR, 1.5))
+    for side in SIDES:
+        bright, _ = _SIDE_COLOURS[side]
+        angles.append((f"{side} grip [rad]", trace[f"{side}_grip_alpha"], bright, 1.5))
+    log.lines("angle", *angles)
+
+
+def _log_deviations(log: RecordingLog, trace: Trace) -> None:
+    """Log the deviations that each arm's compliance makes."""
     deviations: list[tuple[str, Vector, Colour, float]] = []
     for side in SIDES:
         bright, dull = _SIDE_COLOURS[side]
-        angles.append((f"{side} grip [rad]", trace[f"{side}_grip_alpha"], bright, 1.5))
         turn = np.degrees(trace[f"{side}_deviation_alpha"])
         deviations.append((f"{side} δx [mm]", 1e3 * trace[f"{side}_deviation_x"], bright, 1.5))
         deviations.append((f"{side} δα [deg]", turn, dull, 1.5))
-    log.lines("angle", *angles)
     log.lines("deviation", *deviations)
 
 
@@ -128,15 +150,23 @@ def _log_phases(log: RecordingLog, result: RunResult) -> None:
 
     The lane goes on after the run and is reset there: a state is drawn up to the next change.
     """
-    phase = result.trace["phase"].astype(int)
-    starts = np.flatnonzero(np.diff(phase, prepend=-1))
-    end_s = COMMAND_PERIOD_S * len(phase)
+    trace = result.trace
+    if result.scenario.assembly is None:
+        names = [result.phases[phase] for phase in trace["phase"].astype(int)]
+        colours = _STATE_COLOURS | _OUTCOME_COLOURS
+    else:
+        names = states(result)
+        colours = state_colours(names) | _OUTCOME_COLOURS
+    starts = [row for row in range(len(names)) if row == 0 or names[row] != names[row - 1]]
+    end_s = COMMAND_PERIOD_S * len(names)
     ends_ns = [round(1e9 * t) for t in (end_s, end_s + max(_LANE * end_s, COMMAND_PERIOD_S))]
     times = np.append(log.times[starts], np.array(ends_ns, dtype="timedelta64[ns]"))
-    states = [*(result.phases[phase[i]] for i in starts), _words(result.outcome), ""]
-    look = rr.StateConfiguration(values=list(_STATE_COLOURS), colors=list(_STATE_COLOURS.values()))
+    shown = [*(names[row] for row in starts), _words(result.outcome), ""]
+    look = rr.StateConfiguration(
+        values=list(colours), colors=np.array([*colours.values()], dtype=np.uint32)
+    )
     log.once("phase", look)
-    log.send("phase", times, rr.StateChange.columns(state=states))
+    log.send("phase", times, rr.StateChange.columns(state=shown))
 
 
 def _words(outcome: str) -> str:
@@ -158,5 +188,6 @@ def _story(result: RunResult, scales: Scales) -> str:
             f"* violet arrow: its moment about the grip, {scales.torque_m_per_n_m:g} mm/(N mm)",
             "* axes at the grip: short as it is, long as commanded",
             "* path of the grip: grey nominal, green commanded with compliance",
+            *(() if scenario.assembly is None else _ASSEMBLY_LEGEND),
         )
     )

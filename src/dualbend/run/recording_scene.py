@@ -11,12 +11,16 @@ from typing import Any
 import mujoco
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dualbend.run.recording_assembly import carried, log_holes, log_laid, places
 from dualbend.run.recording_log import RecordingLog, Vector
 from dualbend.run.recording_scales import Scales, diverging_colours
 from dualbend.run.runner import RunResult
 from dualbend.run.trace import Trace
+from dualbend.scene.arm import GRIP_SITE
+from dualbend.scene.bed import HOLES
 from dualbend.scene.cell import SIDES
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, strip_body
 
@@ -58,10 +62,20 @@ def log_scene(log: RecordingLog, result: RunResult, scales: Scales) -> None:
     motion = _forward(result)
     log.once("cell", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _log_robots(log, result.model, motion)
-    _log_sheet(log, result, motion, scales)
+    ribbon = _ribbon(result, motion).round(_SHEET_DECIMALS)
+    triangles = _triangles(ribbon.shape[1] // 2)
+    _log_sheet(log, result, ribbon, triangles, scales)
+    assembly = result.scenario.assembly is not None
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         _log_wrench(log, result.trace, side, sign, scales)
-        _log_grip(log, result.trace, side, sign)
+        if assembly:
+            _log_carried_grip(log, result, motion, side, sign)
+        else:
+            _log_grip(log, result.trace, side, sign)
+    if assembly:
+        _log_workplace(log, result.model)
+        log_holes(log, result, *_sites(result.model, motion, [f"hole_{hole}" for hole in HOLES]))
+        log_laid(log, result, ribbon, triangles)
 
 
 def _forward(result: RunResult) -> _Motion:
@@ -89,6 +103,15 @@ def _log_robots(log: RecordingLog, model: mujoco.MjModel, motion: _Motion) -> No
         if shapes and name.startswith(SIDES):
             entity[body] = f"{entity[parent]}/{name}"
             _log_body(log, entity[body], shapes, *_rows_of_pose(motion, body, parent))
+
+
+def _log_workplace(log: RecordingLog, model: mujoco.MjModel) -> None:
+    """Log bed, stand and pins, which do not move."""
+    log.once("cell/workplace", *_shapes(model, 0))
+    for hole in HOLES:
+        body = model.body(f"pin_{hole}")
+        pose = rr.Transform3D(translation=body.pos, quaternion=body.quat[[1, 2, 3, 0]])
+        log.once(f"cell/pin/{hole}", *_shapes(model, body.id), pose)
 
 
 def _rows_of_pose(motion: _Motion, body: int, parent: int) -> tuple[Vector, Vector]:
@@ -139,24 +162,51 @@ def _shapes(model: mujoco.MjModel, body: int) -> list[Any]:
                 # A capsule stands on its place in rerun and has its middle there in MuJoCo.
                 foot = Rotation.from_quat(quaternion).apply([0.0, 0.0, 1.0]) * -size[:, 1:2]
                 shapes.append(rr.Capsules3D(translations=place + foot, **round_, **look))
+            case mujoco.mjtGeom.mjGEOM_MESH:
+                (only,) = which  # one mesh an entity
+                shapes.append(_mesh(model, int(only), rgba[0]))
             case other:
                 raise NotImplementedError(f"a visual geom of type {other.name} in the recording")
     return shapes
 
 
-def _log_sheet(log: RecordingLog, result: RunResult, motion: _Motion, scales: Scales) -> None:
+def _mesh(model: mujoco.MjModel, geom: int, rgba: Vector) -> rr.Mesh3D:
+    """Return a mesh geom in its body's frame, each triangle with its own three vertices."""
+    mesh = int(model.geom_dataid[geom])
+    vertices, faces = (
+        array[start : start + count]
+        for array, start, count in (
+            (model.mesh_vert, model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]),
+            (model.mesh_face, model.mesh_faceadr[mesh], model.mesh_facenum[mesh]),
+        )
+    )
+    turn = Rotation.from_quat(model.geom_quat[geom], scalar_first=True)
+    corners = (turn.apply(vertices) + model.geom_pos[geom])[faces.ravel()]
+    return rr.Mesh3D(vertex_positions=corners, albedo_factor=rgba)
+
+
+def _log_sheet(
+    log: RecordingLog,
+    result: RunResult,
+    ribbon: Vector,
+    triangles: NDArray[np.intp],
+    scales: Scales,
+) -> None:
     """Log the sheet as one ribbon through the hinge lines, coloured by the bending moment there."""
-    vertices = _ribbon(result, motion).round(_SHEET_DECIMALS)
     moment = result.bend_stiffness * result.trace.bends
     # Half a strip beyond the last hinges.
     ends = 1.5 * moment[:, [0, -1]] - 0.5 * moment[:, [1, -2]]
     moment = np.concatenate((ends[:, :1], moment, ends[:, 1:]), axis=1)
     colours = np.tile(diverging_colours(moment / scales.moment_range_n_m), (1, 2, 1))
-    lines = moment.shape[1]
-    cell = np.array([[0, 1, lines], [1, lines + 1, lines]])
-    triangles = (np.arange(lines - 1)[:, None, None] + cell).reshape(-1, 3)
     log.once("cell/sheet", rr.Mesh3D.from_fields(triangle_indices=triangles))
-    log.rows("cell/sheet", rr.Mesh3D, vertex_positions=vertices, vertex_colors=colours)
+    log.rows("cell/sheet", rr.Mesh3D, vertex_positions=ribbon, vertex_colors=colours)
+
+
+def _triangles(lines: int) -> NDArray[np.intp]:
+    """Return the triangles (n, 3) between two edges of ``lines`` vertices each."""
+    cell = np.array([[0, 1, lines], [1, lines + 1, lines]])
+    each: NDArray[np.intp] = np.arange(lines - 1)[:, None, None] + cell
+    return each.reshape(-1, 3)
 
 
 def _ribbon(result: RunResult, motion: _Motion) -> Vector:
@@ -211,6 +261,60 @@ def _log_grip(log: RecordingLog, trace: Trace, side: str, sign: float) -> None:
     strips = [line[np.isfinite(line).all(axis=1)] for line in lines]
     drawn = rr.LineStrips3D(strips, colors=[NOMINAL_COLOUR, _COMMAND_COLOUR], radii=0.001)
     log.once(f"cell/path/{side}", drawn)
+
+
+def _log_carried_grip(
+    log: RecordingLog, result: RunResult, motion: _Motion, side: str, sign: float
+) -> None:
+    """Log the same for an assembly, where the bending frames are carried through the world."""
+    trace = result.trace
+    place, quaternion = _sites(result.model, motion, [f"{side}_{GRIP_SITE}"])
+    log.once(f"cell/grip/{side}_actual", rr.TransformAxes3D(0.03))
+    log.rows(
+        f"cell/grip/{side}_actual",
+        rr.Transform3D,
+        translation=place[:, 0].round(_DECIMALS),
+        quaternion=quaternion[:, 0],
+    )
+    there = places(trace)
+    sent = carried(trace, there, result.scenario.alter.delay_cycles)
+    height = trace["nominal_z"] - there[:, 2]
+    line, _ = _carry(there, (-trace["nominal_half_distance"], height, trace["nominal_alpha"]), sign)
+    x, z, alpha = (trace[f"{side}_command_{axis}"] for axis in ("x", "z", "alpha"))
+    path, turn = _carry(sent, (x, z, alpha), sign)
+    log.once(f"cell/grip/{side}_commanded", rr.TransformAxes3D(0.045))
+    log.rows(f"cell/grip/{side}_commanded", rr.Transform3D, translation=path, quaternion=turn)
+    strips = [strip[np.isfinite(strip).all(axis=1)] for strip in (line, path)]
+    drawn = rr.LineStrips3D(strips, colors=[NOMINAL_COLOUR, _COMMAND_COLOUR], radii=0.001)
+    log.once(f"cell/path/{side}", drawn)
+
+
+def _carry(
+    place: Vector, pose: tuple[Vector, Vector, Vector], sign: float
+) -> tuple[Vector, Vector]:
+    """Return places (rows, 3) and orientations (rows, 4; w last) in the world of a grip.
+
+    R_z(yaw) (R_z(π) for the right arm) R_y(α) at the place, NaN where the row is unfinished.
+    """
+    x, z, alpha = pose
+    yaw = place[:, 3] + (0.0 if sign > 0.0 else np.pi)
+    c, s = np.cos(yaw), np.sin(yaw)
+    where = place[:, :3] + np.stack((c * x, s * x, z), axis=1)
+    cz, sz, cy, sy = np.cos(yaw / 2), np.sin(yaw / 2), np.cos(alpha / 2), np.sin(alpha / 2)
+    turn = np.stack((-sz * sy, cz * sy, sz * cy, cz * cy), axis=1)
+    return where.round(_DECIMALS), turn
+
+
+def _sites(model: mujoco.MjModel, motion: _Motion, names: list[str]) -> tuple[Vector, Vector]:
+    """Return places (rows, n, 3) and orientations (rows, n, 4; w last) of sites in the world."""
+    place, quaternion = [], []
+    for site in (model.site(name) for name in names):
+        body = int(site.bodyid[0])
+        turn = Rotation.from_quat(motion.quaternion[:, body], scalar_first=True)
+        place.append(motion.place[:, body] + turn.apply(site.pos))
+        own = Rotation.from_quat(site.quat, scalar_first=True)
+        quaternion.append((turn * own).as_quat(canonical=True))
+    return np.stack(place, axis=1), np.stack(quaternion, axis=1)
 
 
 def _log_frame(

@@ -31,6 +31,12 @@ _RING_DEPTH_M = 8e-3
 
 _BELOW_FLOOR_M, _LAID_DEPTH_M = -1.0, 5e-3
 
+_PLATE_M, _COLUMN = 0.02, 0.7
+"""Looks of bed and stand: a plate this thick, on a column of this share of its sides."""
+
+_PLATE_RGBA, _COLUMN_RGBA = [0.62, 0.64, 0.67, 1.0], [0.24, 0.26, 0.30, 1.0]
+_HOLE_RGBA, _HOLE_PROUD_M = [0.05, 0.06, 0.08, 1.0], 5e-5
+
 # Two steps of 1.75 ms: the stiffest contact that a step resolves.
 _CONTACT_SOLREF = [0.0035, 1.0]
 _PIN_SOLIMP = [0.98, 0.999, 2e-5, 0.5, 2.0]
@@ -140,14 +146,46 @@ def add_workplace(
             contype=0,
             conaffinity=RESTING | 1,
             friction=[bed.friction, 0.005, 0.0001],
-            rgba=[0.55, 0.57, 0.60, 1.0],
-            group=2,
+            group=3,
         )
+        _show_block(spec, block, y_m)
+    _add_bed_camera(spec, bed, sheet)
     for name, (along, across) in zip(HOLES, hole_places(layout.holes), strict=True):
         _add_pin(spec, name, layout.pins, np.array([along, across, bed.top_m]))
         _watch(spec, name)
     for number in range(laid):
         _add_laid(spec, number, sheet, strips, bed.friction)
+
+
+def _show_block(spec: mujoco.MjSpec, block: BedConfig | StandConfig, y_m: float) -> None:
+    """Show a block as a plate on a column; these touch nothing."""
+    plate = min(_PLATE_M, 0.5 * block.top_m)
+    column = block.top_m - plate
+    for share, height, middle, rgba in (
+        (1.0, plate, block.top_m - plate / 2, _PLATE_RGBA),
+        (_COLUMN, column, column / 2, _COLUMN_RGBA),
+    ):
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[share * block.half_length_m, share * block.half_width_m, height / 2],
+            pos=[0.0, y_m, middle],
+            contype=0,
+            conaffinity=0,
+            rgba=rgba,
+            group=2,
+        )
+
+
+def _add_bed_camera(spec: mujoco.MjSpec, bed: BedConfig, sheet: Sheet) -> None:
+    """Add the camera ``bed``: from the front and above, by the sheet's length."""
+    away, down = 1.6 * sheet.length_m, math.radians(38.0)
+    above = -0.07 * sheet.length_m + away * math.sin(down)
+    spec.worldbody.add_camera(
+        name="bed",
+        pos=[0.0, -away * math.cos(down), bed.top_m + above],
+        xyaxes=[1.0, 0.0, 0.0, 0.0, math.sin(down), math.cos(down)],
+        fovy=42.0,
+    )
 
 
 def _watch(spec: mujoco.MjSpec, name: str) -> None:
@@ -278,6 +316,18 @@ def _add_ring(
     radius = (layout.pins.diameter_m + layout.holes.clearance_m) / 2
     half_side = (radius + _RING_DEPTH_M) * math.tan(math.pi / _RING_SIDES)
     body.add_site(name=f"hole_{name}", pos=[*centre_m, 0.0], group=4, size=[radius, radius, radius])
+    # What is seen of the hole: a dark disc, hardly proud of the sheet's faces.
+    body.add_geom(
+        name=f"hole_{name}_disc",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=[radius, thickness_m / 2 + _HOLE_PROUD_M, 0.0],
+        pos=[*centre_m, 0.0],
+        mass=0.0,
+        contype=0,
+        conaffinity=0,
+        rgba=_HOLE_RGBA,
+        group=2,
+    )
     for i in range(_RING_SIDES):
         turn = 2.0 * math.pi * i / _RING_SIDES
         middle = radius + _RING_DEPTH_M / 2
