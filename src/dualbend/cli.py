@@ -252,6 +252,55 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
 
 @main.command()
 @click.argument("scenario")
+@click.option("--out", type=click.Path(path_type=Path), required=True, help=".gif or .png file.")
+@_SETTINGS
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")
+@click.option("--camera", help="Camera of the scene: front; bed, in an assembly.")
+@click.option("--fps", type=float, default=10.0, show_default=True, help="Frames a second.")
+@click.option("--speed", type=float, default=4.0, show_default=True, help="Times real time.")
+@click.option("--width", type=int, default=480, show_default=True, help="Pixels; 16:9.")
+@click.option("--at", "at_s", type=float, help="Time of a .png [s]; none: the end.")
+@click.option("--inset/--no-inset", default=True, help="Close-up of a pin, in an assembly.")
+def render(
+    scenario: str,
+    out: Path,
+    settings: tuple[str, ...],
+    seed: int | None,
+    camera: str | None,
+    fps: float,
+    speed: float,
+    width: int,
+    at_s: float | None,
+    inset: bool,
+) -> None:
+    """Run a scenario and draw it, without a screen.
+
+    A video (.gif) or a picture (.png).
+
+    Example: dualbend render pwb --out pwb.gif --speed 4
+    """
+    from dualbend.run import offscreen
+
+    offscreen.prepare()  # before anything imports MuJoCo
+
+    from dualbend.run.make import make_run
+    from dualbend.run.render import Look, check_look, write_video
+    from dualbend.run.scenario import load_scenario
+
+    look = Look(camera=camera, fps=fps, speed=speed, width_px=width, at_s=at_s, inset=inset)
+    ready = make_run(load_scenario(scenario, settings, seed))
+    check_look(look, ready, out)
+    result = ready.run()
+    frames = write_video(result, out, look)
+    ended = f" ({result.reason})" if result.reason else ""
+    click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
+    click.echo(f"{out}: {frames} frame{'s' if frames > 1 else ''}")
+    if not result.expected:
+        sys.exit(EXIT_UNEXPECTED)
+
+
+@main.command()
+@click.argument("scenario")
 @_SETTINGS
 def view(scenario: str, settings: tuple[str, ...]) -> None:
     """Run a scenario in MuJoCo's viewer.

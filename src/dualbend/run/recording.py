@@ -36,7 +36,7 @@ _OUTCOME_COLOURS = {
 }
 
 _ASSEMBLY_LEGEND = (
-    "* phases: `lower 2` is the second attempt to lower",
+    '* phases: "lower 2" is the second attempt to lower',
     "* brass: the pins; dark discs with a white rim: the sheet's holes; pale: sheets laid before",
     "* a hole is on its pin where its offset is within half the clearance and its height is that "
     "of the sheets below",
