@@ -35,6 +35,7 @@ def show_laid(model: mujoco.MjModel, data: mujoco.MjData, result: RunResult, row
         mujoco.mj_kinematics(model, data)
         for i in range(result.scenario.sheet.strips.hinges + 1):
             mocap = model.body_mocapid[model.body(laid_body(number, i)).id]
-            plate = model.body_geomadr[model.body(strip_body(i)).id]
-            data.mocap_pos[mocap] = data.geom_xpos[plate]
-            mujoco.mju_mat2Quat(data.mocap_quat[mocap], data.geom_xmat[plate])
+            strip = model.body(strip_body(i)).id
+            # A strip's centre of mass is its plate's middle.
+            data.mocap_pos[mocap] = data.xipos[strip]
+            data.mocap_quat[mocap] = data.xquat[strip]

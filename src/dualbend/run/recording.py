@@ -32,12 +32,11 @@ _STATE_COLOURS = {
 _OUTCOME_COLOURS = {
     "completed": 0x4CAF50FF,
     "protective stop": 0xFFB300FF,
-    "aborted": 0xFFB300FF,
     "failed": 0xEF5350FF,
 }
 
 _ASSEMBLY_LEGEND = (
-    "* phases: `lower 2` is the second attempt to lower",
+    '* phases: "lower 2" is the second attempt to lower',
     "* brass: the pins; dark discs with a white rim: the sheet's holes; pale: sheets laid before",
     "* a hole is on its pin where its offset is within half the clearance and its height is that "
     "of the sheets below",
@@ -156,7 +155,7 @@ def _log_phases(log: RecordingLog, result: RunResult) -> None:
         colours = _STATE_COLOURS | _OUTCOME_COLOURS
     else:
         names = states(result)
-        colours = state_colours(names) | _OUTCOME_COLOURS
+        colours = state_colours(names) | _OUTCOME_COLOURS | {"aborted": 0xFFB300FF}
     starts = [row for row in range(len(names)) if row == 0 or names[row] != names[row - 1]]
     end_s = COMMAND_PERIOD_S * len(names)
     ends_ns = [round(1e9 * t) for t in (end_s, end_s + max(_LANE * end_s, COMMAND_PERIOD_S))]
