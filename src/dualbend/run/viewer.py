@@ -22,7 +22,9 @@ def run_in_viewer(run: Run) -> RunResult:
         def show(cycle: int) -> None:
             if not window.is_running():
                 return
-            shown.qpos[:] = run.cell.simulation.data.qpos
+            simulated = run.cell.simulation.data
+            shown.qpos[:] = simulated.qpos
+            shown.mocap_pos[:], shown.mocap_quat[:] = simulated.mocap_pos, simulated.mocap_quat
             mujoco.mj_forward(run.cell.model, shown)
             window.sync()
             ahead = cycle * COMMAND_PERIOD_S - (time.perf_counter() - started)

@@ -61,8 +61,6 @@ class PinContacts:
         data, model = self._data, self._model
         for i, strip in enumerate(self._strips):
             mocap = model.body_mocapid[model.body(laid_body(number, i)).id]
-            plate = model.body_geomadr[strip]
-            data.mocap_pos[mocap] = data.geom_xpos[plate]
-            turn = np.empty(4)
-            mujoco.mju_mat2Quat(turn, data.geom_xmat[plate])
-            data.mocap_quat[mocap] = turn
+            # A strip's centre of mass is its plate's middle; the simulated model has no plates.
+            data.mocap_pos[mocap] = data.xipos[strip]
+            data.mocap_quat[mocap] = data.xquat[strip]
