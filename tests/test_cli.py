@@ -77,6 +77,7 @@ def test_summary_is_strict_json(folder: Path) -> None:
         (["run", "fig6", "--set", "motion.speed_rad_per_s=4.9"], ["motion.speed_rad_per_s", "4.9"]),
         (["beam", "--length", "0.6", "--width", "0.1", "--thickness", "-1", "--young", "7e10",
           "--alpha", "0.2"], ["thickness", "-1"]),
+        (["stability", "tuned", "--confront"], ["--confront", "tuned", "beyond the paper"]),
         (["stability", "fig8", "--map", "m.png", "--map-b", "10", "1"], ["--map-b", "10", "1"]),
         (["stability", "fig8", "--map", "m.png", "--map-k", "-1", "1"], ["--map-k", "-1"]),
         (["run", "fig8", "--set", "compliance.x.k=-575"], ["compliance.x.k", "-575", "> 0"]),

@@ -75,6 +75,11 @@ def confront(
     Raises InputError where there is nothing to confront, a ray or angle is no positive number, the
     scenario has no such axis, an onset is not found, or the folder cannot be written.
     """
+    if scenario.compliance.modelled:
+        raise InputError(
+            f"--confront: scenario {scenario.name!r} has compliance beyond the paper (schedule, "
+            "reference, fusion or predictor): rays in (b, k) say nothing of it"
+        )
     tasks = _tasks(scenario, rays, angles, axes, frictionless=frictionless)
     known = kept(folder)
     cases = {task.key: known[task.key] for task in tasks if task.key in known}

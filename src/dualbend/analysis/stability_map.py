@@ -69,6 +69,11 @@ def stability_map(
                 f"{key} {low:g} {high:g}: an empty range; needs two growing multiples of the "
                 "scenario's gain above 0, e.g. 0.01 100"
             )
+    if scenario.compliance.modelled:
+        raise InputError(
+            f"--map: scenario {scenario.name!r} has compliance beyond the paper (schedule, "
+            "reference, fusion or predictor): its loop is no point of a map in (b, k)"
+        )
     factors = _reach(*b_times), _reach(*k_times)
     if not prediction.rows:
         raise InputError(f"--map: {prediction.reason}")
