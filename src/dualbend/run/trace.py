@@ -124,6 +124,8 @@ class Trace:
         row[at["torque"]] = seen.torque
         self._qpos[self.rows] = qpos
         self._bends[self.rows] = bends
+        if self.rows:
+            row[at["task"]] = self._table[self.rows - 1][at["task"]]
         self.rows += 1
 
     def note(self, values: Sequence[float]) -> None:
