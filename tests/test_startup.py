@@ -5,6 +5,7 @@ Loaded modules are asserted, not times: exact, and the same on every machine.
 
 import json
 import os
+import pkgutil
 import re
 import shlex
 import subprocess
@@ -15,12 +16,15 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+import dualbend.cli
 from dualbend.cli import main
 from dualbend.run.completion import complete_scenario
 from dualbend.run.scenario import list_scenarios, load_scenario
 
 COMMANDS = sorted(main.commands)
-LIGHT = {"dualbend", "dualbend.cli", "dualbend.errors"}
+LIGHT = {"dualbend", "dualbend.errors", "dualbend.cli"} | {
+    f"dualbend.cli.{module.name}" for module in pkgutil.iter_modules(dualbend.cli.__path__)
+}
 FOLDER = {"dualbend.resources", "dualbend.run", "dualbend.run.shipped"}
 PROBE = """
 import json, sys

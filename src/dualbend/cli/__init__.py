@@ -1,0 +1,44 @@
+"""The command line: parses, calls, prints, exits with a code.
+
+0 completed, or ended as the scenario expects; 1 a validation row or a check fails; 2 bad input; 3 a
+protective stop or failed run that the scenario does not expect; 130 interrupted before a result.
+Heavy imports happen inside the commands.
+"""
+
+import click
+
+from dualbend.cli import assembly, files, judge, runs, stability, theory
+from dualbend.cli.common import Commands, examples
+
+
+@click.group(
+    cls=Commands,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog=examples("dualbend run fig8 --out runs/fig8", "dualbend run --help"),
+)
+@click.version_option(package_name="dualbend")
+def main() -> None:
+    """Two position-controlled arms bend a flexible sheet."""
+
+
+for _command in (
+    runs.run,
+    theory.beam,
+    theory.validate,
+    theory.audit,
+    judge.check,
+    judge.compare,
+    files.list_command,
+    files.new,
+    files.schema,
+    files.reference,
+    runs.scene,
+    runs.render,
+    runs.view,
+    assembly.plan,
+    runs.benchmark,
+    assembly.robustness,
+    stability.stability,
+    stability.tune,
+):
+    main.add_command(_command)

@@ -1,0 +1,106 @@
+"""Commands of the assembly: plan, robustness."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import click
+
+from dualbend.cli.common import EXIT_INTERRUPTED, SETTINGS, complete_scenarios, examples, shown
+
+
+@click.command(epilog=examples("dualbend plan pwb --set assembly.layout.holes.clearance_m=1e-4"))
+@click.argument("scenario", shell_complete=complete_scenarios)
+@SETTINGS
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
+    """Plan an assembly: the bending angles at which it fits.
+
+    Where the middle holes go over their pins and the outer ones clear theirs.
+
+    Without a run. A layout that has no such angle is refused with what is missing.
+    """
+    import json
+
+    from dualbend.run.assembly_run import assembly_plan
+    from dualbend.run.scenario import load_scenario
+    from dualbend.task.assembly_plan import plan_summary
+
+    loaded = load_scenario(scenario, settings)
+    found = plan_summary(assembly_plan(loaded), loaded.path.end_rad)
+    if as_json:
+        click.echo(json.dumps({name: value for name, (value, _) in found.items()}, indent=2))
+        return
+    for name, (value, unit) in found.items():
+        click.echo(f"{name:<30}{shown(value):>12}  {unit}")
+
+
+@click.command(epilog=examples("dualbend robustness pwb --runs 40 --workers 2"))
+@click.argument("scenario", shell_complete=complete_scenarios)
+@click.option("--runs", type=click.IntRange(min=1), required=True, help="Number of draws.")
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the draws."
+)
+@click.option(
+    "--workers", type=click.IntRange(1, 256), help="Parallel processes; else one for each core."
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the study.")
+@SETTINGS
+def robustness(
+    scenario: str,
+    runs: int,
+    seed: int,
+    workers: int | None,
+    out: Path | None,
+    settings: tuple[str, ...],
+) -> None:
+    """Assemble many sheets that differ, with compliance and without.
+
+    The errors are drawn with the standard deviations of assembly.spread. The same command goes on
+    with a study that was interrupted.
+    """
+    from dualbend.analysis.figures_robustness import plot_success
+    from dualbend.analysis.robustness_study import run_study
+    from dualbend.analysis.robustness_summary import summarise, table
+    from dualbend.errors import InputError
+    from dualbend.run.output import uninterrupted, write_summary
+    from dualbend.run.scenario import load_scenario
+
+    loaded = load_scenario(scenario, settings)
+    folder = out if out is not None else Path("runs") / f"{loaded.name}-robustness"
+    processes = workers if workers is not None else os.cpu_count() or 1
+    done, interrupted = 0, False
+    with click.progressbar(
+        length=0, label=loaded.name, file=sys.stderr, hidden=not sys.stderr.isatty()
+    ) as bar:
+
+        def show(count: int, total: int) -> None:
+            nonlocal done
+            bar.length = total
+            bar.update(count - done)
+            done = count
+
+        try:
+            trials = run_study(
+                loaded, folder, runs=runs, seed=seed, workers=processes, on_trial=show
+            )
+        except KeyboardInterrupt:
+            interrupted = True
+    if interrupted:
+        click.echo(
+            f"dualbend: interrupted after {done} of {bar.length} runs, kept in {folder}; "
+            "the same command goes on",
+            err=True,
+        )
+        sys.exit(EXIT_INTERRUPTED)
+    numbers = summarise(loaded, seed, trials, folder)
+    with uninterrupted():
+        try:
+            write_summary(numbers, folder / "summary.json")
+        except OSError as error:
+            raise InputError(f"--out {folder}: {error.strerror or error}") from error
+        plot_success(trials, loaded, folder / "success.png")
+    click.echo("\n".join(table(numbers)))
+    click.echo(f"results in {folder}")

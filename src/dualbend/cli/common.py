@@ -1,0 +1,86 @@
+"""What the commands share: exit codes, options, examples, one message for bad input."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dualbend.errors import DualbendError, InputError
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+_EXAMPLES_HEADING = "\b\nExample:"
+"""The control character keeps click from filling the lines below it into a paragraph."""
+
+EXIT_FAILED_CHECK, EXIT_BAD_INPUT, EXIT_UNEXPECTED, EXIT_INTERRUPTED = 1, 2, 3, 130
+
+SETTINGS = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="PATH.TO.KEY=VALUE",
+    help="Change one key of the scenario; may be given more than once.",
+)
+
+
+def examples(*lines: str) -> str:
+    """Return an epilog that shows each line as it is typed."""
+    return "\n".join((_EXAMPLES_HEADING, *(f"  {line}" for line in lines)))
+
+
+def complete_scenarios(
+    _: click.Context, __: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Offer the shipped scenarios and the TOML files to the shell."""
+    from dualbend.run.completion import complete_scenario
+
+    return complete_scenario(incomplete)
+
+
+class Commands(click.Group):
+    """Turns what a user gave wrongly into one message and exit code 2."""
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Run the command that was asked for."""
+        try:
+            return super().invoke(ctx)
+        except DualbendError as error:
+            click.echo(f"dualbend: {error}", err=True)
+            sys.exit(EXIT_BAD_INPUT)
+        except (KeyboardInterrupt, Exception) as error:
+            if not _interrupted(error):
+                raise
+            click.echo("dualbend: interrupted before there was anything to keep", err=True)
+            sys.exit(EXIT_INTERRUPTED)
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Tell an interrupt, also one that a compiled library turned into an error of its own."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def deliver(text: str, out: Path | None) -> None:
+    """Print a text, or write it where it is wanted."""
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
+    click.echo(f"{out} written")
+
+
+def shown(value: float | list[float | None] | None) -> str:
+    """Return a metric's value in four digits; a dash where there is none."""
+    if isinstance(value, list):
+        return " ".join(shown(item) for item in value)
+    return "-" if value is None else f"{value:.4g}"

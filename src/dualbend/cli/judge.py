@@ -1,0 +1,78 @@
+"""Commands that hold runs against a baseline or against each other."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from dualbend.cli.common import EXIT_FAILED_CHECK, complete_scenarios, examples
+
+
+@click.command(epilog=examples("dualbend check fig8 mine.toml --update", "dualbend check"))
+@click.argument("scenarios", nargs=-1, metavar="[SCENARIO ...]", shell_complete=complete_scenarios)
+@click.option(
+    "--baseline", type=click.Path(path_type=Path), help="Baseline file.  [default: ./baseline.json]"
+)
+@click.option("--update", is_flag=True, help="Write what is measured into the baseline.")
+@click.option("--junit", type=click.Path(path_type=Path), help="JUnit XML file to write.")
+@click.option("--markdown", type=click.Path(path_type=Path), help="Markdown file to write.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; the cores if not given.")
+@click.option("--all", "everything", is_flag=True, help="Print what has not moved, too.")
+def check(
+    scenarios: tuple[str, ...],
+    baseline: Path | None,
+    update: bool,
+    junit: Path | None,
+    markdown: Path | None,
+    workers: int | None,
+    everything: bool,
+) -> None:
+    """Compare the metrics of runs with a baseline.
+
+    Exit code 1 where a metric moved beyond its tolerance, for the worse or for the better. Without
+    a SCENARIO all that the baseline holds are run.
+    """
+    from dualbend.analysis import check_report
+    from dualbend.analysis.check import check as judge
+    from dualbend.analysis.check_run import Measured
+
+    def tell(one: Measured) -> None:
+        click.echo(f"{one.name}: {one.outcome} {one.end or ''}".rstrip(), err=True)
+
+    verdicts = judge(scenarios, baseline, update=update, workers=workers, on_done=tell)
+    if junit is not None:
+        check_report.write_junit(verdicts, junit)
+    if markdown is not None:
+        check_report.write_markdown(verdicts, markdown)
+    if verdicts.failures or everything:
+        click.echo(check_report.table(verdicts, everything=everything))
+    for line in check_report.failure_lines(verdicts) + check_report.note_lines(verdicts):
+        click.echo(line)
+    click.echo(check_report.conclusion(verdicts, updated=update))
+    if verdicts.failures and not update:
+        sys.exit(EXIT_FAILED_CHECK)
+
+
+@click.command(epilog=examples("dualbend compare runs/fig6 runs/fig8 --out runs/compared"))
+@click.argument("run_a", type=click.Path(path_type=Path))
+@click.argument("run_b", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for plot and recording.")
+@click.option("--record/--no-record", default=True, help="Write compare.rrd.")
+def compare(run_a: Path, run_b: Path, out: Path | None, record: bool) -> None:
+    """Put two runs side by side.
+
+    RUN_A and RUN_B are folders that dualbend run left. Prints metrics and what was set otherwise;
+    with --out, writes compare.png, compare.md and compare.rrd.
+    """
+    from dualbend.analysis.compare import compare_runs, report_text, write_comparison
+    from dualbend.run.saved import load_run
+
+    first, second = load_run(run_a), load_run(run_b)
+    found = compare_runs(first, second)
+    if out is not None:
+        write_comparison(first, second, found, out, record=record)
+    click.echo(report_text(found))
+    if out is not None:
+        click.echo(f"results in {out}")

@@ -1,0 +1,254 @@
+"""Commands that run one scenario or show its scene."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dualbend.cli.common import (
+    EXIT_BAD_INPUT,
+    EXIT_UNEXPECTED,
+    SETTINGS,
+    complete_scenarios,
+    examples,
+    shown,
+)
+
+if TYPE_CHECKING:
+    from dualbend.run.runner import RunResult
+
+
+@click.command(
+    epilog=examples(
+        "dualbend run fig8 --out runs/fig8 --set alter.delay_cycles=3",
+        "dualbend run mine.toml --seed 2 --no-record",
+    )
+)
+@click.argument("scenario", required=False, shell_complete=complete_scenarios)
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for the results.")
+@SETTINGS
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")
+@click.option("--record/--no-record", default=True, help="Write run.rrd for the rerun viewer.")
+def run(
+    scenario: str | None,
+    out: Path | None,
+    settings: tuple[str, ...],
+    seed: int | None,
+    record: bool,
+) -> None:
+    """Run a scenario and leave its results in a folder.
+
+    SCENARIO is a name from dualbend list or a .toml file; without it, the shipped ones are listed.
+    """
+    if scenario is None:
+        _which_scenario(asked=not _any_given())
+        return
+    from dualbend.analysis.stability import predict
+    from dualbend.run.make import make_run
+    from dualbend.run.output import prepare_folder, trace_kept, uninterrupted
+    from dualbend.run.scenario import load_scenario
+
+    loaded = load_scenario(scenario, settings, seed)
+    folder = out if out is not None else Path("runs") / loaded.name
+    prepare_folder(folder)
+    ready = make_run(loaded)
+    prediction = predict(loaded)
+    if prediction.rows:
+        warning = "" if prediction.verdict == "stable" else "warning: "
+        click.echo(
+            f"{warning}{loaded.name}: compliance predicted {prediction.verdict} "
+            f"({prediction.reason})",
+            err=True,
+        )
+    with (
+        click.progressbar(
+            length=ready.cycles,
+            label=loaded.name,
+            file=sys.stderr,
+            hidden=not sys.stderr.isatty(),
+        ) as bar,
+        trace_kept(ready, folder) as keep,
+    ):
+
+        def step(_: int) -> None:
+            bar.update(1)
+            keep()
+
+        result = ready.run(on_cycle=step)
+        with uninterrupted():
+            failures = _write(result, folder, record)
+    for failure in failures:
+        click.echo(f"dualbend: {failure}", err=True)
+    if failures:
+        sys.exit(EXIT_BAD_INPUT)
+    if not result.expected:
+        sys.exit(EXIT_UNEXPECTED)
+
+
+def _any_given() -> bool:
+    """Tell whether the command line has any option or argument of the present command."""
+    context = click.get_current_context()
+    default = click.core.ParameterSource.DEFAULT
+    return any(context.get_parameter_source(name) is not default for name in context.params)
+
+
+def _which_scenario(*, asked: bool) -> None:
+    """Show the scenarios: to who asks they are the answer, options without one are an error."""
+    from dualbend.errors import InputError
+    from dualbend.run import shipped
+
+    if not asked:
+        raise InputError(f"run needs a SCENARIO: {', '.join(shipped.descriptions())}, or a file")
+    click.echo(shipped.table())
+    click.echo("\nRun one, for example: dualbend run fig8 --out runs/fig8")
+
+
+def _write(result: RunResult, folder: Path, record: bool) -> list[str]:
+    """Write everything that a run leaves and print what matters; return what could not be."""
+    from dualbend.analysis.figures import plot_moment
+    from dualbend.analysis.metrics import summary
+    from dualbend.run import output
+
+    numbers = summary(result)
+    writers: dict[str, Callable[[Path], None]] = {
+        "scenario.toml": partial(output.write_scenario, result),
+        "trace.parquet": partial(output.write_trace, result),
+        "summary.json": partial(output.write_summary, numbers),
+        "moment.png": partial(plot_moment, result),
+    }
+    if record:
+        from dualbend.run.recording import write_recording
+
+        writers["run.rrd"] = partial(write_recording, result)
+    failures = []
+    for name, write in writers.items():
+        try:
+            write(folder / name)
+        except OSError as error:
+            failures.append(f"--out {folder}: {name}: {error.strerror or error}")
+    ended = f" ({result.reason})" if result.reason else ""
+    click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
+    for name, metric in numbers["metrics"].items():
+        click.echo(f"  {name:<26}{shown(metric['value']):>12}  {metric['unit']}")
+    click.echo(f"results in {folder}")
+    return failures
+
+
+@click.command(epilog=examples("dualbend render pwb --out pwb.gif --speed 4"))
+@click.argument("scenario", shell_complete=complete_scenarios)
+@click.option("--out", type=click.Path(path_type=Path), required=True, help=".gif or .png file.")
+@SETTINGS
+@click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")
+@click.option("--camera", help="Camera of the scene: front; bed, in an assembly.")
+@click.option("--fps", type=float, default=10.0, show_default=True, help="Frames a second.")
+@click.option("--speed", type=float, default=4.0, show_default=True, help="Times real time.")
+@click.option("--width", type=int, default=480, show_default=True, help="Pixels; 16:9.")
+@click.option("--at", "at_s", type=float, help="Time of a .png [s]; none: the end.")
+@click.option("--inset/--no-inset", default=True, help="Close-up of a pin, in an assembly.")
+def render(
+    scenario: str,
+    out: Path,
+    settings: tuple[str, ...],
+    seed: int | None,
+    camera: str | None,
+    fps: float,
+    speed: float,
+    width: int,
+    at_s: float | None,
+    inset: bool,
+) -> None:
+    """Run a scenario and draw it, without a screen.
+
+    A video (.gif) or a picture (.png).
+    """
+    from dualbend.run import offscreen
+
+    offscreen.prepare()  # before anything imports MuJoCo
+
+    from dualbend.run.make import make_run
+    from dualbend.run.render import Look, check_look, write_video
+    from dualbend.run.scenario import load_scenario
+
+    look = Look(camera=camera, fps=fps, speed=speed, width_px=width, at_s=at_s, inset=inset)
+    ready = make_run(load_scenario(scenario, settings, seed))
+    check_look(look, ready, out)
+    result = ready.run()
+    frames = write_video(result, out, look)
+    ended = f" ({result.reason})" if result.reason else ""
+    click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
+    click.echo(f"{out}: {frames} frame{'s' if frames > 1 else ''}")
+    if not result.expected:
+        sys.exit(EXIT_UNEXPECTED)
+
+
+@click.command(epilog=examples("dualbend view fig8 --set motion.speed_rad_per_s=0.2"))
+@click.argument("scenario", shell_complete=complete_scenarios)
+@SETTINGS
+def view(scenario: str, settings: tuple[str, ...]) -> None:
+    """Run a scenario in MuJoCo's viewer.
+
+    In real time, where there is a screen.
+    """
+    from dualbend.errors import InputError
+    from dualbend.run.make import make_run
+    from dualbend.run.scenario import load_scenario
+
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        raise InputError("view needs a screen; without one, dualbend run writes run.rrd instead")
+    from dualbend.run.viewer import run_in_viewer
+
+    result = run_in_viewer(make_run(load_scenario(scenario, settings)))
+    click.echo(f"{result.outcome} {result.reason}".rstrip())
+    if not result.expected:
+        sys.exit(EXIT_UNEXPECTED)
+
+
+@click.command(epilog=examples("dualbend scene fig8 --out fig8.xml"))
+@click.argument("scenario", shell_complete=complete_scenarios)
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="MJCF file to write.")
+@SETTINGS
+def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
+    """Write the composed MJCF of a scenario.
+
+    Its start is the key frame "start".
+    """
+    from dualbend.errors import InputError
+    from dualbend.run.make import make_run
+    from dualbend.run.scenario import load_scenario
+
+    xml = make_run(load_scenario(scenario, settings)).scene_xml()
+    try:
+        out.write_text(xml, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
+    click.echo(f"{out}: open it with python -m mujoco.viewer --mjcf={out}")
+
+
+@click.command(epilog=examples("dualbend benchmark fig8 --repeat 3"))
+@click.argument("scenario", default="fig8", shell_complete=complete_scenarios)
+@SETTINGS
+@click.option("--repeat", type=click.IntRange(min=1), default=5, help="Repetitions.")
+def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
+    """Time the loop against bare mj_step calls.
+
+    The same model, in one process, in turn.
+    """
+    import msgspec
+
+    from dualbend.analysis.benchmark import benchmark as measure
+    from dualbend.run.scenario import load_scenario
+
+    for name, value in msgspec.to_builtins(
+        measure(load_scenario(scenario, settings), repeat)
+    ).items():
+        click.echo(
+            f"{name:<24}{value:>10.4g}" if isinstance(value, float) else f"{name:<24}{value:>10}"
+        )
