@@ -38,7 +38,7 @@ from dualbend.analysis.robustness_summary import command, success_interval, summ
 from dualbend.errors import DualbendError, InputError
 from dualbend.run.scenario import Scenario, load_scenario
 from dualbend.scene.simulation import Observation, Simulation
-from dualbend.task.assembly import ErrorsConfig, SpreadConfig
+from dualbend.task.assembly_config import ErrorsConfig, SpreadConfig
 
 
 def with_errors(**errors: float) -> Scenario:

@@ -9,7 +9,7 @@ from dualbend.run.make import make_run
 from dualbend.run.runner import RunResult
 from dualbend.run.scenario import load_scenario
 from dualbend.run.trace import Trace
-from dualbend.task.assembly import PHASES
+from dualbend.task.assembly_motion import PHASES
 
 ROWS_A_PHASE = 3
 BEND_RAD = 0.15

@@ -21,7 +21,7 @@ from dualbend.run.scenario import load_scenario
 from dualbend.scene.bed import HOLES, hole_places, laid_body
 from dualbend.scene.ik import carried_targets
 from dualbend.scene.sheet import strip_body
-from dualbend.task.assembly import PHASES
+from dualbend.task.assembly_motion import PHASES
 
 STAGES = stages()
 SUPPLIED = ROWS_A_PHASE * (len(PHASES) + 2)

@@ -28,7 +28,7 @@ from dualbend.run.runner import Run
 from dualbend.run.scenario import load_scenario
 from dualbend.scene.cell import without_looks
 from dualbend.scene.sheet import strip_body
-from dualbend.task.assembly import PHASES
+from dualbend.task.assembly_motion import PHASES
 
 NO_OPENGL = 77
 

@@ -22,18 +22,9 @@ from dualbend.beam.path import ExactPath
 from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.control.object_admittance import ObjectComplianceConfig
-from dualbend.task.assembly import (
-    PHASES,
-    AssemblyConfig,
-    AssemblyTask,
-    Goal,
-    Posture,
-    SearchConfig,
-    Sensed,
-    SpeedsConfig,
-    TaskStopped,
-    search_pattern,
-)
+from dualbend.task.assembly import AssemblyTask, search_pattern
+from dualbend.task.assembly_config import AssemblyConfig, SearchConfig, SpeedsConfig
+from dualbend.task.assembly_motion import PHASES, Goal, Posture, Sensed, TaskStopped
 
 Array = NDArray[np.float64]
 SHEET = Sheet(

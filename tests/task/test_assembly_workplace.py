@@ -19,7 +19,7 @@ from dualbend.scene.bed import (
     PinsConfig,
     StandConfig,
 )
-from dualbend.task.assembly import AssemblyConfig
+from dualbend.task.assembly_config import AssemblyConfig
 from dualbend.task.assembly_workplace import JAW_ROOM_M, LIFT_ROOM_M, check_workplace
 
 SHEET = Sheet(

@@ -52,11 +52,6 @@ def error_of_18(sign: float, count: int = 100) -> float:
     return worst
 
 
-def static_gain_of_18(k: float, k_e: float) -> float:
-    """Return 1 − k_e/k: where it is negative the loop of (18) as printed runs away."""
-    return 1.0 - k_e / k
-
-
 def error_of_22(count: int = 1000) -> float:
     """Return the largest relative error of (22)'s coefficients against (16), (20), (21) in (19)."""
     worst = 0.0

@@ -20,7 +20,7 @@ from dualbend.run.runner import Run, RunResult
 from dualbend.run.scenario import Scenario
 from dualbend.run.trace import Trace
 from dualbend.scene.bed import HOLES, hole_places
-from dualbend.task.assembly import AssemblyConfig, ErrorsConfig
+from dualbend.task.assembly_config import AssemblyConfig, ErrorsConfig
 
 Vector = NDArray[np.float64]
 

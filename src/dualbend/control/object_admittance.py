@@ -15,6 +15,7 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
+from dualbend.control.admittance import horizontal_force, vertical_force
 from dualbend.control.alter import COMMAND_PERIOD_S, TransferFunction, Vector
 from dualbend.control.controller import Reading
 
@@ -72,10 +73,6 @@ class ObjectAdmittance:
         self._seeking = max(1.0, config.gain_margin / _MARGIN_SEEKING)
         self._band = np.array([config.deadband_n, config.deadband_n, config.deadband_nm])
         self._limit = np.array([config.limit_m, config.limit_m, config.limit_rad])
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to no deviation."""
         self.deviation = np.zeros(3)
 
     def relax(self, speed_m_per_s: float) -> None:
@@ -106,8 +103,12 @@ class ObjectAdmittance:
 
     def transfer_function(self, axis: int, bend: float) -> TransferFunction:
         """Tell H(z) of one axis in powers of z⁻¹, without band and clamp."""
-        gain = COMMAND_PERIOD_S * float(self.mobility(bend)[axis])
-        return np.array([gain]), np.array([1.0, -1.0])
+        return _damper(float(self.mobility(bend)[axis]))
+
+
+def _damper(mobility: float) -> TransferFunction:
+    """Tell H(z) = (T/B) / (1 − z⁻¹)."""
+    return np.array([COMMAND_PERIOD_S * mobility]), np.array([1.0, -1.0])
 
 
 def _at_least(speed: Vector, force: Vector, least: float, sure: float) -> Vector:
@@ -127,8 +128,8 @@ def critical_rate(path: Sequence[TransferFunction], latency_cycles: float) -> fl
     """
     omega = np.linspace(1e-3, np.pi, 4000)
     back = np.exp(-1j * omega)
-    loop = COMMAND_PERIOD_S / (1.0 - back) * back**latency_cycles
-    for numerator, denominator in path:
+    loop = back**latency_cycles
+    for numerator, denominator in (_damper(1.0), *path):
         loop = loop * np.polyval(numerator[::-1], back) / np.polyval(denominator[::-1], back)
     turned = np.unwrap(np.angle(loop)) <= -np.pi
     if not turned.any():
@@ -145,13 +146,13 @@ def net_wrench(
     Of both grips on the arms, filtered; the moment is about the vertical through the object's
     place, which lies midway between the grips.
     """
-    c, s = math.cos(alpha_rad), math.sin(alpha_rad)
     total = np.zeros(4)
     for i, reading in readings.items():
-        fx, fy, fz = reading.sample.filtered_force_grip_n.tolist()
-        mx, _, mz = reading.sample.filtered_torque_grip_nm.tolist()
-        along, up = fx * c + fz * s, -fx * s + fz * c
-        turn = -mx * s + mz * c
+        force = reading.sample.filtered_force_grip_n
+        along, up = horizontal_force(force, alpha_rad), vertical_force(force, alpha_rad)
+        # A moment turns from G to B as a force does.
+        turn = vertical_force(reading.sample.filtered_torque_grip_nm, alpha_rad)
+        fy = float(force[1])
         # The right arm's bending frame is the left one's turned by π.
         sign = 1.0 if i == 0 else -1.0
         total += sign * along, sign * fy, up, turn - half_distance_m * fy

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from functools import cached_property
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.control.admittance import vertical_force
 from dualbend.control.alter import COMMAND_PERIOD_S, TransportDelay
 from dualbend.control.controller import ComplianceController, Reading
 from dualbend.control.filters import LowPass
@@ -31,15 +31,9 @@ from dualbend.scene.grippers import Grippers
 from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.pin_contacts import PinContacts
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
-from dualbend.task.assembly import (
-    PHASES,
-    AssemblyTask,
-    ErrorsConfig,
-    Goal,
-    Posture,
-    Sensed,
-    TaskStopped,
-)
+from dualbend.task.assembly import AssemblyTask
+from dualbend.task.assembly_config import ErrorsConfig
+from dualbend.task.assembly_motion import PHASES, Goal, Posture, Sensed, TaskStopped
 from dualbend.task.assembly_plan import AssemblyPlan, plan_assembly
 from dualbend.task.assembly_workplace import check_workplace
 from dualbend.task.bending import make_path
@@ -48,6 +42,9 @@ Vector = NDArray[np.float64]
 
 LONGEST_S = 180.0
 """A sheet is laid within this, or the run is given up."""
+
+BENDS = np.linspace(0.0, 1.0, 6)
+"""Bending angles, over that at which the sheet is laid, where its stiffness is computed."""
 
 _PLACE = (("x", "m"), ("y", "m"), ("z", "m"), ("yaw", "rad"))
 
@@ -120,7 +117,6 @@ class AssemblyRun(Run):
         self._path = make_path(scenario.path, sheet.length_m)
         self._believed = sheet
         task = self._make_task()
-        self._start = task.start
         try:
             cell = RobotCell(scenario, self._pose(task.start), _place(task.start))
         except InputError as error:
@@ -133,6 +129,9 @@ class AssemblyRun(Run):
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
         simulation.watch = self
+        if self.config.compliance is not None:
+            self.stiffness = self._stiffness(cell)
+            self._mobility = self._rate(self.config.compliance) / self.stiffness
 
     def _make_task(self) -> AssemblyTask:
         """Return the robots' program, anew: it has a memory."""
@@ -204,8 +203,8 @@ class AssemblyRun(Run):
         flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
         self.cell.simulation.put_sheet(flat, *self._on_the_stand())
 
-    def _make_admittance(self, compliance: ObjectComplianceConfig) -> ObjectAdmittance:
-        """Return the compliance whose damping gives its loop the margin that is asked for."""
+    def _rate(self, compliance: ObjectComplianceConfig) -> float:
+        """Return the stiffness over damping [1/s] that gives the loop the margin asked for."""
         scenario, step_s = self.scenario, self.scenario.physics.step_s
         elements = [
             LowPass(scenario.filter).transfer_function(),
@@ -213,30 +212,30 @@ class AssemblyRun(Run):
             self.cell.response.transfer_function(),
         ]
         age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
-        rate = critical_rate(elements, age) / compliance.gain_margin
-        bends = np.linspace(0.0, 1.0, 6)
-        return ObjectAdmittance(
-            compliance, bends, rate / np.array([self.stiffness(b) for b in bends])
-        )
+        return critical_rate(elements, age) / compliance.gain_margin
 
-    def stiffness(self, bend: float) -> Vector:
-        """Return what the object's compliance works against along x, y and about z, (3,)."""
-        cell = self._imagined
-        posture = replace(self._down, alpha=bend * self._down.alpha)
-        q = cell.reach(self._pose(posture), self._down_q, _place(posture))
+    def _stiffness(self, cell: RobotCell) -> Vector:
+        """Return what the compliance works against along x, y and about z, at each of `BENDS`.
+
+        Of the sheet that the robots believe in: they know of no errors.
+        """
+        if self.config.errors != ErrorsConfig():
+            assembly = msgspec.structs.replace(self.config, errors=ErrorsConfig())
+            scenario = msgspec.structs.replace(self.scenario, assembly=assembly)
+            cell = RobotCell(scenario, cell.start, cell.place)
         pinned = self.config.layout.holes.middle.along_m
-        return np.diag(object_stiffness(cell, q, posture.alpha, pinned))
-
-    @cached_property
-    def _imagined(self) -> RobotCell:
-        """The cell with the sheet that the robots believe in: they know of no errors."""
-        assembly = msgspec.structs.replace(self.config, errors=ErrorsConfig())
-        scenario = msgspec.structs.replace(self.scenario, assembly=assembly)
-        return RobotCell(scenario, self._pose(self._start), _place(self._start))
+        found = []
+        for bend in BENDS:
+            posture = replace(self._down, alpha=bend * self._down.alpha)
+            q = cell.reach(self._pose(posture), self._down_q, _place(posture))
+            found.append(np.diag(object_stiffness(cell, q, posture.alpha, pinned)))
+        return np.array(found)
 
     def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
         compliance = self.config.compliance
-        admittance = None if compliance is None else self._make_admittance(compliance)
+        admittance = (
+            None if compliance is None else ObjectAdmittance(compliance, BENDS, self._mobility)
+        )
         delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
         task = self._make_task()
         steps = task.steps()
@@ -327,11 +326,9 @@ def _place(posture: Posture) -> Vector:
 
 def _vertical(readings: dict[int, Reading], alpha: float) -> Vector:
     """Return the force on each arm along the vertical (2,) [N], filtered."""
-    c, s = np.cos(alpha), np.sin(alpha)
     force = np.zeros(len(SIDES))
     for i, reading in readings.items():
-        along, _, normal = reading.sample.filtered_force_grip_n.tolist()
-        force[i] = normal * c - along * s
+        force[i] = vertical_force(reading.sample.filtered_force_grip_n, alpha)
     return force
 
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from dualbend.scene.arm import JOINT_SPEED_LIMIT_RAD_PER_S, JOINTS
 from dualbend.scene.cell import SIDES
-from dualbend.scene.simulation import Simulation
 
 Vector = NDArray[np.float64]
 
@@ -51,11 +50,6 @@ class Guard:
         self._torque_limit = torque_limit * (1.0 - 1e-6)
         self._speed_limit = config.speed_fraction * np.tile(JOINT_SPEED_LIMIT_RAD_PER_S, len(SIDES))
         self._cycles_at_limit = np.zeros(len(JOINT_LABELS), dtype=np.int_)
-
-    @classmethod
-    def of(cls, config: GuardConfig, simulation: Simulation) -> Guard:
-        """Return the guard of a simulated cell."""
-        return cls(config, simulation.joint_range, simulation.torque_limit)
 
     def check(self, q: Vector, speed: Vector, torque: Vector, reference: Vector) -> None:
         """Raise ProtectiveStop where a joint (12,) is outside what the controller allows."""

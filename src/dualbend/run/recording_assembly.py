@@ -12,7 +12,7 @@ from dualbend.run.recording_log import Colour, RecordingLog, Vector
 from dualbend.run.runner import RunResult
 from dualbend.run.trace import Trace
 from dualbend.scene.bed import HOLES
-from dualbend.task.assembly import PHASES
+from dualbend.task.assembly_motion import PHASES
 
 PHASE_COLOURS = {
     "approach": 0x607D8BFF,

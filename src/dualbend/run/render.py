@@ -23,7 +23,7 @@ from dualbend.run.laid_sheets import show_laid
 from dualbend.run.offscreen import no_opengl
 from dualbend.run.runner import Run, RunResult
 from dualbend.scene.bed import HOLES, LayoutConfig, hole_places
-from dualbend.task.assembly import PHASES
+from dualbend.task.assembly_motion import PHASES
 
 SUFFIXES = (".gif", ".png")
 

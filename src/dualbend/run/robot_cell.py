@@ -43,7 +43,7 @@ class RobotCell:
     """
 
     def __init__(self, scenario: Scenario, start: Vector, place: Vector | None = None) -> None:
-        self.scenario, self.start = scenario, start
+        self.scenario, self.start, self.place = scenario, start, place
         robots = robots_only(scenario.cell).compile()
         self.ik = InverseKinematics(robots)
         self.home = self.reach(start, HOME_GUESS_RAD, place)

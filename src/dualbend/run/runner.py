@@ -31,7 +31,7 @@ from dualbend.scene.arm import JOINT_SPEED_LIMIT_RAD_PER_S
 from dualbend.scene.cell import SIDES
 from dualbend.scene.ik import Targets, grip_targets
 from dualbend.scene.simulation import Observation, SensorSample, tool_mass_and_centre
-from dualbend.task.assembly import TaskStopped
+from dualbend.task.assembly_motion import TaskStopped
 from dualbend.task.bending import PHASES, nominal_motion
 
 Vector = NDArray[np.float64]
@@ -110,7 +110,8 @@ class Run:
             self.task_columns,
         )
         self.trace = trace
-        cycle = Cycle(self.cell, Guard.of(self.scenario.guard, simulation), trace, on_cycle)
+        guard = Guard(self.scenario.guard, simulation.joint_range, simulation.torque_limit)
+        cycle = Cycle(self.cell, guard, trace, on_cycle)
         started = time.perf_counter()
         outcome: Outcome = "completed"
         reason = ""

@@ -14,7 +14,7 @@ from dualbend.errors import InputError
 from dualbend.run.scenario import Scenario, load_scenario
 from dualbend.run.trace import read_trace
 from dualbend.scene.cell import SIDES
-from dualbend.task import assembly, bending
+from dualbend.task import assembly_motion, bending
 
 Vector = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class SavedRun:
     @property
     def phases(self) -> tuple[str, ...]:
         """Names of the phases, which the trace's column ``phase`` counts."""
-        return bending.PHASES if self.scenario.assembly is None else assembly.PHASES
+        return bending.PHASES if self.scenario.assembly is None else assembly_motion.PHASES
 
     @property
     def sensing_side(self) -> str:

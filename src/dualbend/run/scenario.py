@@ -30,7 +30,7 @@ from dualbend.resources import scenarios_dir
 from dualbend.run.guard import GuardConfig
 from dualbend.scene.cell import CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
-from dualbend.task.assembly import AssemblyConfig
+from dualbend.task.assembly_config import AssemblyConfig
 from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
 
 _ALTERNATIVES = ("interval_rad", "pieces")

@@ -19,7 +19,6 @@ Length = Annotated[float, msgspec.Meta(gt=0, lt=3)]
 RESTING, PINNING, GRIPPING = 2, 4, 8
 """Collision bits: sheet on what it lies on (the arms have 1), hole's edge on pin, jaw on sheet."""
 
-PAIRS: tuple[Literal["middle", "outer"], ...] = ("middle", "outer")
 HOLES = ("middle_left", "middle_right", "outer_left", "outer_right")
 """Holes and pins, as every array of four has them; left is negative along the sheet."""
 

@@ -8,7 +8,7 @@ from typing import Final
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 from dualbend.scene.bed import BedConfig, StandConfig
-from dualbend.task.assembly import AssemblyConfig
+from dualbend.task.assembly_config import AssemblyConfig
 
 JAW_ROOM_M: Final = 0.015
 """From a grip to what its gripper must not touch: half a jaw's depth, and 5 mm to be safe."""
