@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import dualbend.beam
 from dualbend.beam import elastica as el
 from dualbend.beam.judge import worst_moment
-from dualbend.beam.path import ApproximatePath, ExactPath, PiecewiseLinearPath
+from dualbend.beam.path import ApproximatePath, ExactPath, PiecewiseLinearPath, TablePath
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 
@@ -168,3 +168,58 @@ def test_nothing_here_imports_the_simulator() -> None:
                 assert not name.startswith("mujoco"), file
                 if name.startswith("dualbend"):
                     assert any(name.startswith(a) for a in allowed), (file, name)
+
+
+# --- a table ------------------------------------------------------------------------------------
+
+
+def rows_of(alpha: np.ndarray) -> tuple[tuple[float, float, float], ...]:
+    columns = (alpha, el.half_distance(alpha, L), el.rise(alpha, L))
+    return tuple(zip(*(column.tolist() for column in columns), strict=True))
+
+
+@given(target=st.floats(0.1, 2.2), pieces=st.integers(1, 12), at=st.floats(0.0, 1.0))
+@seeded
+def test_a_straight_table_of_knots_is_the_piecewise_path(
+    target: float, pieces: int, at: float
+) -> None:
+    path = PiecewiseLinearPath.from_count(L, target, pieces)
+    table = TablePath(L, rows_of(path.knots))
+    # Analytic: the same interpolation.
+    assert table.at(at * target) == pytest.approx(path.at(at * target), abs=1e-15)
+    np.testing.assert_array_equal(table.knots, path.knots)
+
+
+def test_a_smooth_table_converges_to_the_exact_path_with_fourth_order() -> None:
+    """Away from the ends, where a natural spline has no curvature and the path has some."""
+    inner = np.linspace(0.4, 0.6, 101)
+    errors = []
+    for rows in (11, 21, 41):
+        table = TablePath(L, rows_of(np.linspace(0.0, 1.0, rows)), smooth=True)
+        np.testing.assert_array_equal(table.knots, [0.0, 1.0])
+        errors.append(float(np.abs(table.at(inner)[0] - el.half_distance(inner, L)).max()))
+    # Discretisation-limited: observed order of a cubic spline.
+    assert np.log2(np.divide(errors[:-1], errors[1:])).min() > 3.5
+
+
+def test_a_part_of_a_table_keeps_the_knots_inside() -> None:
+    table = TablePath(L, rows_of(np.array([0.0, 0.2, 0.4, 0.6])), False, 0.5, 0.1)
+    assert table.knots == pytest.approx([0.1, 0.2, 0.4, 0.5])
+    with pytest.raises(InputError, match="end slope"):
+        table.at(0.55)
+
+
+@pytest.mark.parametrize(
+    ("rows", "text"),
+    [
+        (((0.0, 0.3, 0.0),), "two or more rows"),
+        (((0.0, 0.3, 0.0), (0.0, 0.3, 0.0)), "must grow"),
+        (((0.0, 0.6, 0.0), (0.2, 0.59, 0.03)), "row 1: half distance"),
+        (((0.0, 0.3, 0.0), (0.2, math.nan, 0.03)), "finite"),
+    ],
+)
+def test_a_table_that_is_no_path_is_refused(
+    rows: tuple[tuple[float, float, float], ...], text: str
+) -> None:
+    with pytest.raises(InputError, match=text):
+        TablePath(L, rows)

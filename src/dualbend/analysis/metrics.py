@@ -217,6 +217,7 @@ def summary(result: RunResult) -> dict[str, Any]:
         "seed": result.scenario.seed,
         "outcome": result.outcome,
         "reason": result.reason,
+        **({"controller": result.controller} if result.controller else {}),
         "versions": versions(),
         "metrics": {name: msgspec.to_builtins(metric) for name, metric in metrics.items()},
         **tables,

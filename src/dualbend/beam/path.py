@@ -1,4 +1,4 @@
-"""Paths of the grippers over the end slope: exact, piecewise linear, and a cheap polynomial.
+"""Paths of the grippers over the end slope: exact, piecewise linear, a cheap polynomial, a table.
 
 A path gives the half distance x(α) and the rise y(α) [m]. Between the grips of a symmetric
 experiment only x makes the sheet push or twist; y keeps its middle where it is.
@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from scipy.interpolate import CubicSpline
 
 from dualbend.beam import elastica
 from dualbend.beam._check import FloatArray, Real, finite, like, positive, within
@@ -201,3 +202,87 @@ class ApproximatePath:
         dx = np.abs(x - elastica.half_distance(alpha, self.length_m))
         dy = np.abs(y - elastica.rise(alpha, self.length_m))
         return float(dx.max()), float(dy.max())
+
+
+@dataclass(frozen=True)
+class TablePath:
+    """x and y from a table over α, straight or with a cubic spline between its rows.
+
+    Parameters
+    ----------
+    length_m
+        Free length of the sheet.
+    rows
+        (α [rad], half distance [m], rise [m]), α growing.
+    smooth
+        A natural cubic spline; its only knots are the ends. Else straight pieces between the rows.
+    target_rad, start_rad
+        The part of the table that is used; None: all of it.
+
+    Raises
+    ------
+    InputError
+        Fewer than two rows, α that does not grow, a part outside the table, or grips farther apart
+        than the sheet is long.
+    """
+
+    length_m: float
+    rows: tuple[tuple[float, float, float], ...]
+    smooth: bool = False
+    target_rad: float | None = None
+    start_rad: float | None = None
+
+    def __post_init__(self) -> None:
+        positive("length_m", self.length_m)
+        if len(self.rows) < 2:
+            raise InputError(f"table needs two or more rows, got {len(self.rows)}")
+        alpha, half, rise = np.array(self.rows, dtype=np.float64).T
+        if not (np.isfinite(half).all() and np.isfinite(rise).all()):
+            raise InputError("table must hold finite numbers only")
+        for n in np.flatnonzero(~(np.diff(alpha) > 0.0)).tolist():
+            raise InputError(
+                f"table: α must grow from row to row, got {alpha[n]:g} then {alpha[n + 1]:g} rad"
+            )
+        for n in np.flatnonzero(
+            (half <= 0.0) | (half > 0.5 * self.length_m * (1.0 + 1e-3))
+        ).tolist():
+            raise InputError(
+                f"table, row {n + 1}: half distance = {half[n]:g} m must lie above 0 and at most "
+                f"at half the free length, {0.5 * self.length_m:g} m"
+            )
+        first, last = (float(alpha[0]), float(alpha[-1]))
+        start = first if self.start_rad is None else self.start_rad
+        target = last if self.target_rad is None else self.target_rad
+        if not first <= start < target <= last:
+            raise InputError(
+                f"start_rad = {start:g} and end_rad = {target:g} must lie, one after the other, in "
+                f"the table, which goes from {first:g} to {last:g} rad"
+            )
+        _range(start, target)
+
+    @cached_property
+    def _columns(self) -> FloatArray:
+        return np.array(self.rows, dtype=np.float64).T
+
+    @cached_property
+    def knots(self) -> FloatArray:
+        """End slopes where the pieces meet [rad]."""
+        alpha = self._columns[0]
+        start = alpha[0] if self.start_rad is None else self.start_rad
+        target = alpha[-1] if self.target_rad is None else self.target_rad
+        inner = alpha[(alpha > start) & (alpha < target)] if not self.smooth else alpha[:0]
+        return np.array([start, *inner, target])
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        alpha, *values = self._columns
+        return CubicSpline(alpha, np.transpose(values), bc_type="natural")
+
+    def at(self, alpha: Real) -> tuple[Real, Real]:
+        """Return (x, y) [m] at α [rad]."""
+        slopes = _ends(self, alpha)
+        if self.smooth:
+            x, y = np.moveaxis(self._spline(slopes), -1, 0)
+        else:
+            x, y = (np.interp(slopes, self._columns[0], values) for values in self._columns[1:])
+        return like(alpha, np.asarray(x)), like(alpha, np.asarray(y))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -111,27 +109,11 @@ def _which_scenario(*, asked: bool) -> None:
 
 def _write(result: RunResult, folder: Path, record: bool) -> list[str]:
     """Write everything that a run leaves and print what matters; return what could not be."""
-    from dualbend.analysis.figures import plot_moment
     from dualbend.analysis.metrics import summary
-    from dualbend.run import output
+    from dualbend.analysis.results import write_results
 
     numbers = summary(result)
-    writers: dict[str, Callable[[Path], None]] = {
-        "scenario.toml": partial(output.write_scenario, result),
-        "trace.parquet": partial(output.write_trace, result),
-        "summary.json": partial(output.write_summary, numbers),
-        "moment.png": partial(plot_moment, result),
-    }
-    if record:
-        from dualbend.run.recording import write_recording
-
-        writers["run.rrd"] = partial(write_recording, result)
-    failures = []
-    for name, write in writers.items():
-        try:
-            write(folder / name)
-        except OSError as error:
-            failures.append(f"--out {folder}: {name}: {error.strerror or error}")
+    failures = write_results(result, folder, record=record, numbers=numbers)
     ended = f" ({result.reason})" if result.reason else ""
     click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
     for name, metric in numbers["metrics"].items():

@@ -6,7 +6,7 @@ No vertical force enters; the moment that the sheet's own weight makes does.
 """
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -178,6 +178,15 @@ def horizontal_force(force_grip: Vector, alpha_rad: float) -> float:
 def vertical_force(force_grip: Vector, alpha_rad: float) -> float:
     """Return the force along z_B [N]: F_z cos α − F_x sin α, from the force (3,) in G [N]."""
     return float(force_grip[2]) * math.cos(alpha_rad) - float(force_grip[0]) * math.sin(alpha_rad)
+
+
+class Compliance(Protocol):
+    """What turns one arm's reading into its deviation, once a cycle."""
+
+    def comply(
+        self, force_x_n: float, force_z_n: float, moment_y_nm: float, pose: Vector
+    ) -> Deviation:
+        """Take the filtered wrench on the arm in B, at the nominal x, z [m], α [rad] (3,)."""
 
 
 class Admittance:

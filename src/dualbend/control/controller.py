@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.control.admittance import Admittance, horizontal_force, vertical_force
+from dualbend.control.admittance import Compliance, horizontal_force, vertical_force
 from dualbend.control.alter import PlanarPathModification, TransportDelay
 from dualbend.control.force_torque import WrenchChain, WrenchSample
 
@@ -68,7 +68,7 @@ class ComplianceController:
         self,
         *,
         chains: Mapping[int, WrenchChain],
-        admittances: Mapping[int, Admittance],
+        admittances: Mapping[int, Compliance],
         complying: Sequence[int],
         delay: TransportDelay,
         modifications: tuple[PlanarPathModification, PlanarPathModification],

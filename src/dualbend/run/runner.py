@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.control.admittance import Compliance
 from dualbend.control.alter import COMMAND_PERIOD_S, PlanarPathModification, TransportDelay
 from dualbend.control.controller import Command, ComplianceController, Reading
 from dualbend.control.filters import LowPass
@@ -47,6 +48,7 @@ _CHECKED_POSES = 40
 class RunResult:
     """What a run left: how it ended, why, its trace, the model with its looks, the time it took.
 
+    ``controller``: name of the compliance that took the place of the scenario's own, if one did.
     ``laid``: of each sheet of an assembly, (4, 3) as its holes lie over their pins [m].
     """
 
@@ -59,6 +61,7 @@ class RunResult:
     bend_stiffness: float
     simulated_s: float
     wall_time_s: float
+    controller: str = ""
     laid: tuple[Vector, ...] = ()
 
     @property
@@ -76,6 +79,7 @@ class Run:
     phases: tuple[str, ...]
     trace: Trace
     task_columns: tuple[tuple[str, str], ...] = ()
+    compliance: Callable[[Scenario], Compliance] = staticmethod(make_admittance)
 
     def __init__(self, scenario: Scenario, cell: RobotCell) -> None:
         self.scenario, self.cell = scenario, cell
@@ -101,7 +105,7 @@ class Run:
         """
         # Anew for each run: filters, delays and noise streams have a memory.
         simulation = self.cell.simulation
-        controller = make_controller(self.scenario, simulation.model)
+        controller = make_controller(self.scenario, simulation.model, self.compliance)
         trace = Trace(
             self.cycles,
             list(controller.chains),
@@ -141,6 +145,7 @@ class Run:
             bend_stiffness=simulation.bend_stiffness,
             simulated_s=float(simulation.data.time),
             wall_time_s=wall_time_s,
+            controller="" if self.compliance is make_admittance else _name_of(self.compliance),
             laid=tuple(self.laid),
         )
 
@@ -206,6 +211,14 @@ class Cycle:
 class BendingRun(Run):
     """The paper's experiment: bend the sheet along a path between two grips that hold it.
 
+    Parameters
+    ----------
+    scenario
+        Says everything about the run.
+    compliance
+        Makes what takes the place of the scenario's ``[compliance]``, anew for each sensing arm
+        and run: it may have a memory. The result and its summary name it.
+
     Raises
     ------
     InputError
@@ -214,7 +227,12 @@ class BendingRun(Run):
 
     phases = PHASES
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        compliance: Callable[[Scenario], Compliance] = make_admittance,
+    ) -> None:
+        self.compliance = compliance
         self.motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
         self._z_m = scenario.cell.sheet_height_m + self.motion.rise_m
         self.scenario = scenario
@@ -292,7 +310,15 @@ def refuse_snapped(sag_m: float, alpha_rad: float) -> None:
         )
 
 
-def make_controller(scenario: Scenario, model: mujoco.MjModel) -> ComplianceController:
+def _name_of(made_by: Callable[[Scenario], Compliance]) -> str:
+    """Return module and name of a class or function, the class's name of anything else."""
+    named = made_by if hasattr(made_by, "__qualname__") else type(made_by)
+    return f"{named.__module__}.{named.__qualname__}"
+
+
+def make_controller(
+    scenario: Scenario, model: mujoco.MjModel, compliance: Callable[[Scenario], Compliance]
+) -> ComplianceController:
     """Return the controller of both arms, each sensor with a noise stream of its own."""
     streams = np.random.SeedSequence(scenario.seed).spawn(len(SIDES))
     chains = {}
@@ -307,7 +333,7 @@ def make_controller(scenario: Scenario, model: mujoco.MjModel) -> ComplianceCont
             )
     return ComplianceController(
         chains=chains,
-        admittances={i: make_admittance(scenario) for i in chains},
+        admittances={i: compliance(scenario) for i in chains},
         complying=[SIDES.index(side) for side in scenario.arms.complying],
         delay=TransportDelay(scenario.alter.delay_cycles, 2 * len(SIDES)),
         modifications=(

@@ -38,6 +38,7 @@ class SavedSummary(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     outcome: str
     reason: str
+    controller: str = ""
     versions: dict[str, str]
     metrics: dict[str, SavedMetric]
 

@@ -13,9 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.beam.elastica import END_SLOPE_GRIPPERS_MEET
-from dualbend.beam.path import ApproximatePath, BendingPath, ExactPath, PiecewiseLinearPath
+from dualbend.beam.path import (
+    ApproximatePath,
+    BendingPath,
+    ExactPath,
+    PiecewiseLinearPath,
+    TablePath,
+)
 from dualbend.beam.time_law import ConstantSpeed, TimeLaw, TrapezoidalSpeed
 from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.errors import InputError
 
 Vector = NDArray[np.float64]
 Phase = Literal["settle", "bend", "hold"]
@@ -26,10 +33,10 @@ class PathConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """Which grip poses belong to a bending angle, and from which to which angle."""
 
     kind: Annotated[
-        Literal["exact", "piecewise", "approximate"],
+        Literal["exact", "piecewise", "approximate", "table"],
         msgspec.Meta(
             description="exact: no end moment; piecewise: straight pieces between its poses; "
-            "approximate: a polynomial"
+            "approximate: a polynomial; table: your own"
         ),
     ] = "piecewise"
     start_rad: Annotated[float, msgspec.Meta(ge=0, description="bending angle at the start")] = 0.0
@@ -40,6 +47,20 @@ class PathConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     pieces: Annotated[int, msgspec.Meta(ge=1, le=1000, description="number of pieces")] | None = (
         None
     )
+    table: (
+        Annotated[
+            tuple[tuple[float, float, float], ...],
+            msgspec.Meta(
+                min_length=2,
+                description="rows of bending angle in rad, half distance of the grips and their "
+                "rise above the sheet's middle in m",
+            ),
+        ]
+        | None
+    ) = None
+    smooth: Annotated[
+        bool, msgspec.Meta(description="a cubic spline through the table's rows, else straight")
+    ] = False
 
     def __post_init__(self) -> None:
         """Refuse angles at which the grippers meet and a piece-wise path without its pieces."""
@@ -55,6 +76,13 @@ class PathConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
             )
         if self.kind != "piecewise" and any(given):
             raise ValueError(f'kind = "{self.kind}" has no pieces: drop interval_rad and pieces')
+        if (self.kind == "table") != (self.table is not None):
+            raise ValueError(
+                f'kind = "table" and table belong together; got kind = "{self.kind}" '
+                f"{'without' if self.table is None else 'with'} a table"
+            )
+        if self.smooth and self.table is None:
+            raise ValueError(f'smooth = true belongs to kind = "table", got kind = "{self.kind}"')
 
 
 class MotionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -76,11 +104,21 @@ class MotionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
 
 def make_path(config: PathConfig, length_m: float) -> BendingPath:
-    """Return the path of a sheet of free length ``length_m`` [m]."""
+    """Return the path of a sheet of free length ``length_m`` [m].
+
+    Raises InputError where a table does not suit the sheet.
+    """
     if config.kind == "exact":
         return ExactPath(length_m, config.end_rad, config.start_rad)
     if config.kind == "approximate":
         return ApproximatePath(length_m, config.end_rad, config.start_rad)
+    if config.table is not None:
+        try:
+            return TablePath(
+                length_m, config.table, config.smooth, config.end_rad, config.start_rad
+            )
+        except InputError as error:
+            raise InputError(f"path.{error}") from error
     if config.pieces is not None:
         return PiecewiseLinearPath.from_count(
             length_m, config.end_rad, config.pieces, start_rad=config.start_rad

@@ -1,0 +1,61 @@
+"""Everything that a run leaves in its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from dualbend.analysis.figures import plot_moment
+from dualbend.analysis.metrics import summary
+from dualbend.run import output
+from dualbend.run.runner import RunResult
+
+
+def write_results(
+    result: RunResult,
+    folder: Path | str,
+    *,
+    record: bool = True,
+    numbers: dict[str, Any] | None = None,
+) -> list[str]:
+    """Write scenario, trace, summary, picture and recording; return what could not be.
+
+    Parameters
+    ----------
+    result
+        Of a run, however it ended.
+    folder
+        Made where it is not there.
+    record
+        Write ``run.rrd``.
+    numbers
+        What :func:`~dualbend.analysis.metrics.summary` returned, where it is known already.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written to.
+    """
+    folder = Path(folder)
+    output.prepare_folder(folder)
+    writers: dict[str, Callable[[Path], None]] = {
+        "scenario.toml": partial(output.write_scenario, result),
+        "trace.parquet": partial(output.write_trace, result),
+        "summary.json": partial(
+            output.write_summary, summary(result) if numbers is None else numbers
+        ),
+        "moment.png": partial(plot_moment, result),
+    }
+    if record:
+        from dualbend.run.recording import write_recording  # noqa: PLC0415 - half a second
+
+        writers["run.rrd"] = partial(write_recording, result)
+    failures = []
+    for name, write in writers.items():
+        try:
+            write(folder / name)
+        except OSError as error:
+            failures.append(f"--out {folder}: {name}: {error.strerror or error}")
+    return failures

@@ -1,0 +1,108 @@
+"""What a user brings along: a path as a table, a compliance in Python, results from a script."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dualbend
+from dualbend import BendingRun, Deviation, load_run, load_scenario, summary, write_results
+from dualbend.control.admittance import Admittance
+from dualbend.control.alter import Vector
+from dualbend.errors import InputError
+from dualbend.run.scenario import Scenario
+from dualbend.task.bending import make_path
+
+SHORT = ("motion.speed_rad_per_s=1.0", "path.end_rad=0.2", "sheet.strips.hinges=10")
+
+
+def short(name: str = "fig6", *settings: str) -> Scenario:
+    return load_scenario(name, [*SHORT, "motion.hold_s=0.1", *settings])
+
+
+class Still:
+    """Complies with nothing."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+
+    def comply(
+        self, force_x_n: float, force_z_n: float, moment_y_nm: float, pose: Vector
+    ) -> Deviation:
+        return Deviation(dx_m=0.0, dalpha_rad=0.0, saturated_x=False, saturated_rotation=False)
+
+
+def papers_own(scenario: Scenario) -> Admittance:
+    return Admittance(scenario.compliance)
+
+
+def columns(run: BendingRun) -> Vector:
+    trace = run.run().trace
+    return np.column_stack([trace["left_true_moment_y"], trace["left_deviation_x"], trace["sag"]])
+
+
+def test_a_compliance_that_does_nothing_makes_the_run_without_one() -> None:
+    # Golden to the bit: the same commands.
+    np.testing.assert_array_equal(
+        columns(BendingRun(short("fig8"), compliance=Still)),
+        columns(BendingRun(short("fig8", "compliance.x=none", "compliance.rotation=none"))),
+    )
+
+
+def test_the_papers_compliance_brought_along_is_the_scenarios() -> None:
+    settings = ("compliance.x.from_alpha_rad=0.05",)
+    own = columns(BendingRun(short("fig8", *settings), compliance=papers_own))
+    np.testing.assert_array_equal(own, columns(BendingRun(short("fig8", *settings))))
+    assert np.abs(own[:, 1]).max() > 1e-5
+
+
+def test_a_run_says_whose_compliance_it_had(tmp_path: Path) -> None:
+    result = BendingRun(short(), compliance=Still).run()
+    assert result.controller.endswith("test_own_parts.Still")
+    assert write_results(result, tmp_path, record=False) == []
+    assert load_run(tmp_path).summary.controller == result.controller
+    plain = BendingRun(short()).run()
+    assert plain.controller == ""
+    assert "controller" not in summary(plain)
+
+
+def test_a_table_of_the_knots_makes_the_run_of_the_pieces() -> None:
+    scenario = short()
+    path = make_path(scenario.path, scenario.sheet.length_m)
+    rows = [[a, *path.at(a)] for a in path.knots.tolist()]
+    table = load_scenario(
+        "fig6", [*SHORT, "motion.hold_s=0.1", f"path={{kind='table',end_rad=0.2,table={rows}}}"]
+    )
+    np.testing.assert_array_equal(columns(BendingRun(table)), columns(BendingRun(scenario)))
+
+
+@pytest.mark.parametrize(
+    ("setting", "text"),
+    [
+        ("path.kind=table", "belong together"),
+        ("path={kind='exact',smooth=true}", "smooth = true belongs"),
+        ("path={kind='piecewise',pieces=2,table=[[0,0.2,0],[1,0.1,0.1]]}", "belong together"),
+    ],
+)
+def test_a_table_without_its_kind_is_refused(setting: str, text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        load_scenario("fig6", [setting])
+
+
+@pytest.mark.parametrize(
+    ("table", "text"),
+    [
+        ("[[0,0.4,0],[1,0.35,0.1]]", "path.table, row 1: half distance = 0.4 m"),
+        ("[[0,0.2,0],[0.5,0.19,0.1]]", "path.start_rad = 0 and end_rad = 1"),
+    ],
+)
+def test_a_table_that_does_not_suit_the_sheet_is_refused(table: str, text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        BendingRun(load_scenario("fig6", [f"path={{kind='table',table={table}}}"]))
+
+
+def test_the_public_names_are_there_and_no_others() -> None:
+    for name in dualbend.__all__:
+        assert getattr(dualbend, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        dualbend.nothing  # noqa: B018
