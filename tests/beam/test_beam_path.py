@@ -8,24 +8,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sheets import PANEL
 
 import dualbend.beam
 from dualbend.beam import elastica as el
 from dualbend.beam.judge import worst_moment
 from dualbend.beam.path import ApproximatePath, ExactPath, PiecewiseLinearPath, TablePath
-from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 
 L = 0.6
-SHEET = Sheet(
-    length_m=L,
-    width_m=0.2,
-    thickness_m=0.5e-3,
-    young_pa=70e9,
-    poisson_ratio=0.33,
-    density_kg_per_m3=2700.0,
-)
-PER_UNIT = L / SHEET.bending_stiffness_nm2
+PER_UNIT = L / PANEL.bending_stiffness_nm2
 seeded = settings(max_examples=40, derandomize=True)
 
 
@@ -80,7 +72,7 @@ def test_moments_of_the_linear_pieces_are_those_of_figure_6() -> None:
     }
     for interval, peaks in expected.items():
         path = PiecewiseLinearPath.from_interval(L, 1.2, interval)
-        worst = worst_moment(path, SHEET)
+        worst = worst_moment(path, PANEL)
         found = worst.piece_moments_nm * PER_UNIT
         # Golden: three digits of an earlier model, in units of EI/L.
         assert found[: len(peaks)] == pytest.approx(peaks, abs=6e-4)
@@ -91,8 +83,8 @@ def test_moments_of_the_linear_pieces_are_those_of_figure_6() -> None:
 def test_exact_path_has_no_moment_without_weight_and_a_small_one_with_it() -> None:
     path = ExactPath(L, 1.2, 0.05)
     # Analytic: zero, to rounding magnified by dM/dx at α = 0.05.
-    assert worst_moment(path, SHEET).moment_nm * PER_UNIT < 1e-10
-    heavy = worst_moment(path, SHEET, weight=True, stretch=True)
+    assert worst_moment(path, PANEL).moment_nm * PER_UNIT < 1e-10
+    heavy = worst_moment(path, PANEL, weight=True, stretch=True)
     # Golden (this model): 5.9 mN m near α = 0.14.
     assert heavy.moment_nm == pytest.approx(0.0059, abs=1e-4)
 
@@ -106,7 +98,7 @@ def test_polynomial_path_is_as_good_as_it_says(degree: int, x_error: float, mome
     # Approximation-limited, the table of the class.
     assert dx / L < x_error
     assert dy / L < 3.3e-4
-    assert worst_moment(path, SHEET).moment_nm * PER_UNIT < moment
+    assert worst_moment(path, PANEL).moment_nm * PER_UNIT < moment
 
 
 def test_polynomial_starts_flat_and_improves_geometrically() -> None:
@@ -150,8 +142,8 @@ def test_refuses_impossible_paths() -> None:
         lambda: PiecewiseLinearPath.from_count(L, 1.0, 0),
         lambda: PiecewiseLinearPath.from_interval(L, 1.0, -0.1),
         lambda: ApproximatePath(L, 1.0, degree=13),
-        lambda: worst_moment(ExactPath(0.5, 1.0), SHEET),
-        lambda: worst_moment(ExactPath(L, 1.0), SHEET, (0.2, 1.1)),
+        lambda: worst_moment(ExactPath(0.5, 1.0), PANEL),
+        lambda: worst_moment(ExactPath(L, 1.0), PANEL, (0.2, 1.1)),
     ):
         with pytest.raises(InputError):
             make()

@@ -4,21 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from sheets import PANEL
 
 from dualbend.beam import elastica as el
 from dualbend.beam import rod
-from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 
 L, EI, EA = 0.6, 0.575, 7.0e6
-SHEET = Sheet(
-    length_m=L,
-    width_m=0.2,
-    thickness_m=0.5e-3,
-    young_pa=70e9,
-    poisson_ratio=0.33,
-    density_kg_per_m3=2700.0,
-)
 
 
 def test_flat_sheet_that_cannot_stretch_gives_the_limit_and_says_so() -> None:
@@ -68,8 +60,8 @@ def test_flat_clamped_weight_is_the_textbook_beam_without_tension() -> None:
 
 
 def test_held_flat_sheet_is_drawn_taut_by_its_weight() -> None:
-    q, stiff = SHEET.weight_per_length_n_per_m, SHEET.bending_stiffness_nm2
-    state = rod.solve_symmetric(stiff, L, 0.0, L / 2, q, axial_stiffness_n=SHEET.axial_stiffness_n)
+    q, stiff = PANEL.weight_per_length_n_per_m, PANEL.bending_stiffness_nm2
+    state = rod.solve_symmetric(stiff, L, 0.0, L / 2, q, axial_stiffness_n=PANEL.axial_stiffness_n)
     assert state.converged
     # Analytic bounds: in tension, so less moment than q L²/12 = 0.0795 N m and less sag.
     assert state.end_force_n < 0.0
@@ -93,7 +85,7 @@ def test_heavy_limp_sheet_hangs_as_a_catenary() -> None:
 
 
 def test_weight_of_a_hanging_sheet_lowers_the_end_force() -> None:
-    stiff, q, alpha = SHEET.bending_stiffness_nm2, SHEET.weight_per_length_n_per_m, 0.2
+    stiff, q, alpha = PANEL.bending_stiffness_nm2, PANEL.weight_per_length_n_per_m, 0.2
     x = el.half_distance(alpha, L)
     bare = rod.solve_symmetric(stiff, L, alpha, x)
     heavy = rod.solve_symmetric(stiff, L, alpha, x, q)
@@ -108,9 +100,9 @@ def test_weight_of_a_hanging_sheet_lowers_the_end_force() -> None:
 @pytest.mark.parametrize("alpha", [-1e-3, 0.0, 1e-3, 0.05])
 @pytest.mark.parametrize("way", [-3e-4, -1e-5, 0.0, 1e-5, 3e-4])
 def test_small_errors_about_the_flat_sheet_are_solved(alpha: float, way: float) -> None:
-    q, stiff = SHEET.weight_per_length_n_per_m, SHEET.bending_stiffness_nm2
+    q, stiff = PANEL.weight_per_length_n_per_m, PANEL.bending_stiffness_nm2
     state = rod.solve_symmetric(
-        stiff, L, alpha, L / 2 + way, q, axial_stiffness_n=SHEET.axial_stiffness_n
+        stiff, L, alpha, L / 2 + way, q, axial_stiffness_n=PANEL.axial_stiffness_n
     )
     assert state.converged, state.reason
     # Discretisation-limited, as judged by the state itself.
@@ -141,7 +133,7 @@ def test_what_cannot_be_is_reported_not_raised() -> None:
 def test_a_sheet_that_must_arch_upwards_is_another_mode() -> None:
     # Ends 1 mrad upwards and 2 µm together: only the small upward bow is in equilibrium.
     state = rod.solve_symmetric(
-        SHEET.bending_stiffness_nm2, L, -1e-3, L / 2 - 1e-6, axial_stiffness_n=EA
+        PANEL.bending_stiffness_nm2, L, -1e-3, L / 2 - 1e-6, axial_stiffness_n=EA
     )
     assert not state.converged
     assert "above" in state.reason

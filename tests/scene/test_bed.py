@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from sheets import STRIP
 
-from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
+from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.scene.bed import (
     HOLES,
     HolePairConfig,
@@ -26,16 +27,8 @@ from dualbend.scene.pin_contacts import PinContacts
 from dualbend.scene.sheet import StripConfig, add_sheet, strip_body
 
 Array = NDArray[np.float64]
-SHEET = Sheet(
-    length_m=0.4,
-    width_m=0.057,
-    thickness_m=0.0005,
-    young_pa=70.3e9,
-    poisson_ratio=0.33,
-    density_kg_per_m3=2680,
-)
 STRIPS = StripConfig()
-WEIGHT_N = SHEET.mass_kg * GRAVITY_M_PER_S2
+WEIGHT_N = STRIP.mass_kg * GRAVITY_M_PER_S2
 STEP_S = 0.00175
 ROUND, TAPER = LayoutConfig(), LayoutConfig(pins=PinsConfig(tip="taper"))
 HALF_CLEARANCE_M = 0.5 * ROUND.holes.clearance_m
@@ -51,18 +44,18 @@ class Scene:
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
         spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
-        add_sheet(spec, SHEET, STRIPS, np.zeros(3))
-        add_workplace(spec, layout, SHEET, STRIPS, laid)
-        add_holes(spec, SHEET, STRIPS, layout)
+        add_sheet(spec, STRIP, STRIPS, np.zeros(3))
+        add_workplace(spec, layout, STRIP, STRIPS, laid)
+        add_holes(spec, STRIP, STRIPS, layout)
         self.layout, self.model = layout, spec.compile()
         self.data = mujoco.MjData(self.model)
-        self.pins = PinContacts(self.model, self.data, layout, SHEET, STRIPS)
+        self.pins = PinContacts(self.model, self.data, layout, STRIP, STRIPS)
         bodies = {self.model.body(strip_body(i)).id for i in range(STRIPS.hinges + 1)}
         self.of_sheet = np.isin(self.model.geom_bodyid, list(bodies))
 
     def put(self, x: float, y: float, height: float, yaw: float = 0.0) -> None:
         """Put the flat sheet at rest, its lower face this high above the bed."""
-        z = self.layout.bed.top_m + height + 0.5 * SHEET.thickness_m
+        z = self.layout.bed.top_m + height + 0.5 * STRIP.thickness_m
         self.data.qpos[:] = self.model.qpos0
         self.data.qpos[:7] = x, y, z, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
         self.data.qvel[:] = 0.0
@@ -250,7 +243,7 @@ def test_peaks_are_the_largest_since_they_were_read() -> None:
 
 def test_laid_sheets_hold_the_next_one_up_by_their_thickness() -> None:
     scene = Scene(ROUND, laid=2)
-    t = SHEET.thickness_m
+    t = STRIP.thickness_m
     for below in range(3):
         scene.put(2e-5, 0.0, below * t + 3e-4)
         scene.fall(0.6)

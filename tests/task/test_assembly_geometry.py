@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sheets import STRIP
 
 from dualbend.beam import elastica, rod
 from dualbend.beam.sheet import Sheet
@@ -14,15 +15,7 @@ from dualbend.scene.bed import PinsConfig
 from dualbend.task import assembly_geometry as ag
 from dualbend.task import assembly_shape as shapes
 
-SHEET = Sheet(
-    length_m=0.4,
-    width_m=0.057,
-    thickness_m=0.0005,
-    young_pa=70.3e9,
-    poisson_ratio=0.33,
-    density_kg_per_m3=2680,
-)
-L, EI, Q = SHEET.length_m, SHEET.bending_stiffness_nm2, SHEET.weight_per_length_n_per_m
+L, EI, Q = STRIP.length_m, STRIP.bending_stiffness_nm2, STRIP.weight_per_length_n_per_m
 seeded = settings(max_examples=40)
 
 
@@ -73,7 +66,7 @@ def test_free_play_has_its_limits() -> None:
 
 @pytest.mark.parametrize("alpha", [0.1, 0.6, 1.57])
 def test_hole_positions_are_those_of_the_closed_form(alpha: float) -> None:
-    shape = shapes.hang(SHEET, alpha, weight=False)
+    shape = shapes.hang(STRIP, alpha, weight=False)
     s = np.linspace(0.0, L / 2, 173)
     x, z, theta = elastica.shape(alpha, L, s + L / 2)
     found = np.array([shape.at(float(along)) for along in s])
@@ -85,7 +78,7 @@ def test_hole_positions_are_those_of_the_closed_form(alpha: float) -> None:
 
 @pytest.mark.parametrize("weight", [False, True])
 def test_hole_positions_are_the_integrals_of_the_slope(weight: bool) -> None:
-    shape = shapes.hang(SHEET, 0.6, weight=weight)
+    shape = shapes.hang(STRIP, 0.6, weight=weight)
     s, w = np.polynomial.legendre.leggauss(24)
     for along in (0.013, 0.04, 0.137, 0.2):
         slope = np.array([shape.at(float(p)).slope_rad for p in (s + 1) * along / 2])
@@ -98,7 +91,7 @@ def test_hole_positions_are_the_integrals_of_the_slope(weight: bool) -> None:
 def test_the_outer_half_is_the_image_of_the_inner_one() -> None:
     alpha = 0.3
     state = rod.solve_symmetric(EI, L, alpha, elastica.half_distance(alpha, L), Q)
-    shape = shapes.hang(SHEET, alpha)
+    shape = shapes.hang(STRIP, alpha)
     left = slice(40, None, -1)
     # Analytic: the symmetric equilibrium; solver's residual 1e-7 relative.
     np.testing.assert_allclose(shape.nodes[0], state.x_m[40] - state.x_m[left], atol=1e-9)
@@ -113,7 +106,7 @@ def test_the_outer_half_is_the_image_of_the_inner_one() -> None:
 
 def test_a_light_sheet_hangs_as_the_closed_form() -> None:
     light = Sheet(
-        **{name: getattr(SHEET, name) for name in SHEET.__dataclass_fields__}
+        **{name: getattr(STRIP, name) for name in STRIP.__dataclass_fields__}
         | {"density_kg_per_m3": 1e-3}
     )
     for alpha in (0.05, 0.3, 1.2):
@@ -126,7 +119,7 @@ def test_a_light_sheet_hangs_as_the_closed_form() -> None:
 
 
 def test_what_the_weight_changes_is_small_and_as_stated() -> None:
-    heavy, free = (shapes.hang(SHEET, 0.134, weight=weight) for weight in (True, False))
+    heavy, free = (shapes.hang(STRIP, 0.134, weight=weight) for weight in (True, False))
     # Golden (oracle): outer holes 22 µm lower against the middle, grips 12 µm, approach −1.2 %.
     assert free.at(0.14).z_m - heavy.at(0.14).z_m == pytest.approx(22.3e-6, abs=0.5e-6)
     assert free.rise_m - heavy.rise_m == pytest.approx(11.7e-6, abs=0.5e-6)
@@ -139,7 +132,7 @@ def test_what_the_weight_changes_is_small_and_as_stated() -> None:
 @given(alpha=st.floats(shapes.LOWEST_RAD, shapes.HIGHEST_RAD))
 @seeded
 def test_the_table_of_shapes_is_the_oracle(alpha: float) -> None:
-    table, oracle = shapes.shape_family(SHEET)(alpha), shapes.hang(SHEET, alpha)
+    table, oracle = shapes.shape_family(STRIP)(alpha), shapes.hang(STRIP, alpha)
     # Discretisation-limited: 49 nodes, fourth order, stated as 0.1 µm.
     np.testing.assert_allclose(table.nodes[:2], oracle.nodes[:2], atol=1e-7)
     np.testing.assert_allclose(table.nodes[2], oracle.nodes[2], atol=1e-6)
@@ -151,7 +144,7 @@ def test_the_table_of_shapes_is_the_oracle(alpha: float) -> None:
 
 def test_middle_pair_approaches_as_the_cube_of_its_distance() -> None:
     alpha = 0.3
-    shape = shapes.hang(SHEET, alpha, weight=False)
+    shape = shapes.hang(STRIP, alpha, weight=False)
     kappa = elastica.curvature_max(alpha, L)
 
     def error(s: float) -> float:
@@ -164,11 +157,11 @@ def test_middle_pair_approaches_as_the_cube_of_its_distance() -> None:
 
 def test_a_sheet_off_the_range_is_refused() -> None:
     with pytest.raises(InputError, match="end slope"):
-        shapes.hang(SHEET, 1.6)
+        shapes.hang(STRIP, 1.6)
     with pytest.raises(InputError, match="end slope"):
-        shapes.shape_family(SHEET)(-0.1)
+        shapes.shape_family(STRIP)(-0.1)
     with pytest.raises(InputError, match="arc length"):
-        shapes.hang(SHEET, 0.3).at(0.21)
+        shapes.hang(STRIP, 0.3).at(0.21)
 
 
 @pytest.mark.parametrize("tip", ["round", "taper"])

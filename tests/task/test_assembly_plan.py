@@ -11,26 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import fsolve
 from scipy.special import ellipk
+from sheets import STRIP
 
 from dualbend.beam import elastica
 from dualbend.beam._check import FloatArray
-from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 from dualbend.scene.bed import HolePairConfig, HolesConfig, PinsConfig
 from dualbend.task import assembly_shape
 from dualbend.task.assembly_layout import Layout
 from dualbend.task.assembly_plan import AssemblyPlan, plan_assembly
 
-SHEET = Sheet(
-    length_m=0.4,
-    width_m=0.057,
-    thickness_m=0.0005,
-    young_pa=70.3e9,
-    poisson_ratio=0.33,
-    density_kg_per_m3=2680,
-)
-L, EI, T = SHEET.length_m, SHEET.bending_stiffness_nm2, SHEET.thickness_m
-Q = SHEET.weight_per_length_n_per_m
+L, EI, T = STRIP.length_m, STRIP.bending_stiffness_nm2, STRIP.thickness_m
+Q = STRIP.weight_per_length_n_per_m
 HOLES, PINS = HolesConfig(), PinsConfig(height_m=8e-3)
 
 
@@ -116,7 +108,7 @@ def badly_laid_out(layout: Layout) -> bool:
 
 layouts = st.builds(
     lambda s0, gap, c, d, h, tip, taper, margin: Layout(
-        sheet=SHEET,
+        sheet=STRIP,
         holes=holes(s0, s0 + gap, c),
         pins=PinsConfig(diameter_m=d, height_m=h, tip=tip, taper_length_m=taper),
         margin_m=margin,
@@ -206,7 +198,7 @@ def test_accepted_layouts_satisfy_all_inequalities_and_refused_ones_break_one(
 def test_with_weight_the_ends_of_the_range_are_those_of_a_shooting_solution(
     s0: float, s1: float, clearance: float, height: float
 ) -> None:
-    layout = Layout(sheet=SHEET, holes=holes(s0, s1, clearance), pins=PinsConfig(height_m=height))
+    layout = Layout(sheet=STRIP, holes=holes(s0, s1, clearance), pins=PinsConfig(height_m=height))
     try:
         found = plan(layout).range
     except InputError as refusal:
@@ -223,7 +215,7 @@ def test_with_weight_the_ends_of_the_range_are_those_of_a_shooting_solution(
 
 @pytest.mark.parametrize("weight", [False, True])
 def test_slacks_are_monotone_in_the_bending_angle(weight: bool) -> None:
-    layout = Layout(sheet=SHEET, holes=HOLES, pins=PINS, weight=weight)
+    layout = Layout(sheet=STRIP, holes=HOLES, pins=PINS, weight=weight)
     states = [layout.hang(float(a)) for a in np.linspace(0.006, math.pi / 2, 80)]
     # Analytic: every slope of the half grows with α up to upright ends.
     assert np.all(np.diff([layout.lift_m(state) for state in states]) > 0.0)
@@ -233,8 +225,8 @@ def test_slacks_are_monotone_in_the_bending_angle(weight: bool) -> None:
 
 def test_default_layout_has_a_wide_range_and_half_the_clearance_a_narrower_one() -> None:
     wide, tight = (
-        plan_assembly(SHEET, HOLES, PINS),
-        plan_assembly(SHEET, holes(0.04, 0.14, 1e-4), PINS),
+        plan_assembly(STRIP, HOLES, PINS),
+        plan_assembly(STRIP, holes(0.04, 0.14, 1e-4), PINS),
     )
     # Golden: the shipped numbers, 0.2 mm and 0.1 mm clearance.
     assert (wide.range.clear_rad, wide.range.fit_rad) == pytest.approx((0.1342, 0.3151), abs=2e-4)
@@ -245,7 +237,7 @@ def test_default_layout_has_a_wide_range_and_half_the_clearance_a_narrower_one()
 
 
 def test_plan_is_consistent_in_itself() -> None:
-    found = plan_assembly(SHEET, HOLES, PINS)
+    found = plan_assembly(STRIP, HOLES, PINS)
     low, high = found.range.clear_rad, found.range.highest_rad
     # Analytic: by construction, to the root's tolerance.
     assert found.bend_rad == pytest.approx(low + 0.25 * (high - low), rel=1e-12)
@@ -258,7 +250,7 @@ def test_plan_is_consistent_in_itself() -> None:
 
 
 def test_way_of_the_grips_keeps_the_middle_and_carries_the_loads_of_the_oracle() -> None:
-    found = plan_assembly(SHEET, HOLES, PINS)
+    found = plan_assembly(STRIP, HOLES, PINS)
     way = found.way
     assert found.grip(0.0) == pytest.approx((L / 2, 0.0), abs=1e-12)
     x, z = found.grip(way.alpha_rad)
@@ -266,24 +258,24 @@ def test_way_of_the_grips_keeps_the_middle_and_carries_the_loads_of_the_oracle()
     np.testing.assert_allclose(x, elastica.half_distance(way.alpha_rad, L), atol=1e-15)
     np.testing.assert_allclose(z, way.height_m, atol=1e-12)
     for i in (9, 24, 48):
-        oracle = assembly_shape.hang(SHEET, float(way.alpha_rad[i]))
+        oracle = assembly_shape.hang(STRIP, float(way.alpha_rad[i]))
         assert way.height_m[i] == pytest.approx(oracle.rise_m, abs=1e-7)
         assert way.end_force_n[i] == pytest.approx(oracle.end_force_n, abs=1e-4)
         assert way.end_moment_nm[i] == pytest.approx(oracle.end_moment_nm, abs=1e-7)
-    taut = assembly_shape.hang(SHEET, found.taut_rad)
+    taut = assembly_shape.hang(STRIP, found.taut_rad)
     assert taut.end_force_n == pytest.approx(0.0, abs=1e-4)
     with pytest.raises(InputError, match="bending angle"):
         found.grip(found.range.highest_rad + 0.01)
 
 
 def test_outer_holes_come_down_within_reach_of_the_tips() -> None:
-    found = plan_assembly(SHEET, HOLES, PINS)
+    found = plan_assembly(STRIP, HOLES, PINS)
     down = found.unfolding
     assert 0.0 < down.pressed_rad < down.reach_rad < found.range.clear_rad
     assert 0.0 < down.pressed_m < down.offset_m < down.guide_m
     # Analytic limit of small slopes: (L/2 − x) / (s₁ − X) = (L/2) / (s₁ − (L/2π) sin 2πs₁/L).
     ratio = (L / 2) / (0.14 - L / (2 * math.pi) * math.sin(2 * math.pi * 0.14 / L))
-    free = plan_assembly(SHEET, HOLES, PINS, weight=False).unfolding
+    free = plan_assembly(STRIP, HOLES, PINS, weight=False).unfolding
     assert free.grip_shift_m / free.pressed_m == pytest.approx(ratio, rel=2e-3)
     # Golden: 0.313 mm off at the tips, of which the compliance has to take 0.037 mm.
     assert (down.offset_m, down.pressed_m) == pytest.approx((0.313e-3, 0.037e-3), abs=1e-6)
@@ -291,11 +283,11 @@ def test_outer_holes_come_down_within_reach_of_the_tips() -> None:
 
 def test_yield_and_grippers_end_the_range() -> None:
     slender = holes(0.02, 0.14)
-    strained = plan_assembly(SHEET, slender, PINS, yield_strain=1e-3)
+    strained = plan_assembly(STRIP, slender, PINS, yield_strain=1e-3)
     assert strained.range.limit == "yield"
     # Analytic: the strain at the end of the range is the one given.
     assert strained.shape(strained.range.highest_rad).strain == pytest.approx(1e-3, rel=1e-4)
-    met = plan_assembly(SHEET, slender, PINS, least_half_distance_m=0.19)
+    met = plan_assembly(STRIP, slender, PINS, least_half_distance_m=0.19)
     assert met.range.limit == "grippers"
     assert elastica.half_distance(met.range.highest_rad, L) == pytest.approx(0.19, abs=1e-9)
 
@@ -306,7 +298,7 @@ def test_a_plan_solves_for_no_more_shapes_than_its_table(monkeypatch: pytest.Mon
     monkeypatch.setattr(
         assembly_shape, "_by_oracle", lambda *given: (calls.append(given), solve(*given))[1]
     )
-    other = dataclasses.replace(SHEET, thickness_m=0.00051)
+    other = dataclasses.replace(STRIP, thickness_m=0.00051)
     for clearance in (2e-4, 1e-4):
         plan_assembly(other, holes(0.04, 0.14, clearance), PINS)
     # Analytic: a count, not a stop-watch; the second plan of a sheet solves for none.
@@ -329,7 +321,7 @@ def test_what_a_refusal_proposes_does_and_a_little_less_does_not(
     middle: float, outer: float, clearance: float, height: float
 ) -> None:
     layout = Layout(
-        sheet=SHEET, holes=holes(middle, outer, clearance), pins=PinsConfig(height_m=height)
+        sheet=STRIP, holes=holes(middle, outer, clearance), pins=PinsConfig(height_m=height)
     )
     with pytest.raises(InputError, match="missing") as refusal:
         plan(layout)
@@ -347,7 +339,7 @@ def test_what_a_refusal_proposes_does_and_a_little_less_does_not(
 
 def test_a_refusal_says_what_is_missing() -> None:
     with pytest.raises(InputError) as refusal:
-        plan_assembly(SHEET, holes(0.08, 0.14), PINS)
+        plan_assembly(STRIP, holes(0.08, 0.14), PINS)
     # Golden: 2 (s₀ − X) against the play, both by the shooting solution too.
     assert str(refusal.value) == (
         "holes.middle.along_m = 0.08: the middle holes come 0.174 mm closer at 0.134 rad, where "
@@ -379,18 +371,18 @@ def test_impossible_layouts_are_refused_by_key_and_value(
     given_holes: HolesConfig, pins: PinsConfig, words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        plan_assembly(SHEET, given_holes, pins)
+        plan_assembly(STRIP, given_holes, pins)
 
 
 def test_a_tip_that_does_not_guide_is_refused() -> None:
     blunt = PinsConfig(height_m=8e-3, tip="taper", taper_length_m=1e-3, friction=2.0)
     with pytest.raises(InputError, match=r"0\.31 mm inside .* taper tip guides .* missing"):
-        plan_assembly(SHEET, HOLES, blunt)
+        plan_assembly(STRIP, HOLES, blunt)
 
 
 def test_a_pair_in_the_middle_fits_at_every_angle() -> None:
     across = HolesConfig(middle=HolePairConfig(along_m=0.0, across_m=0.01))
-    found = plan_assembly(SHEET, across, PINS)
+    found = plan_assembly(STRIP, across, PINS)
     # Analytic: no slope and no approach in the middle.
     assert found.range.limit == "upright ends"
     assert found.spacing_m(1.0) == pytest.approx(0.0, abs=1e-15)
@@ -401,4 +393,4 @@ def test_a_pair_in_the_middle_fits_at_every_angle() -> None:
 )
 def test_options_that_are_no_numbers_of_their_kind_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):
-        plan_assembly(SHEET, HOLES, PINS, **wrong)
+        plan_assembly(STRIP, HOLES, PINS, **wrong)

@@ -17,9 +17,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
+from sheets import STRIP
 
 from dualbend.beam.path import ExactPath
-from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
+from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.control.object_admittance import ObjectComplianceConfig
 from dualbend.task.assembly import AssemblyTask, search_pattern
@@ -27,15 +28,7 @@ from dualbend.task.assembly_config import AssemblyConfig, SearchConfig, SpeedsCo
 from dualbend.task.assembly_motion import PHASES, Goal, Posture, Sensed, TaskStopped
 
 Array = NDArray[np.float64]
-SHEET = Sheet(
-    length_m=0.4,
-    width_m=0.057,
-    thickness_m=0.0005,
-    young_pa=70.3e9,
-    poisson_ratio=0.33,
-    density_kg_per_m3=2680,
-)
-T, WEIGHT_N = SHEET.thickness_m, SHEET.mass_kg * GRAVITY_M_PER_S2
+T, WEIGHT_N = STRIP.thickness_m, STRIP.mass_kg * GRAVITY_M_PER_S2
 BEND_RAD, TOUCH_RAD = 0.18, 0.06
 COMPLIANT = AssemblyConfig(compliance=ObjectComplianceConfig(), timeout_s=1.0)
 RIGID = AssemblyConfig(timeout_s=1.0)
@@ -48,8 +41,8 @@ FEW = msgspec.structs.replace(COMPLIANT, search=SearchConfig(attempts=4))
 def make(config: AssemblyConfig = COMPLIANT) -> AssemblyTask:
     return AssemblyTask(
         config=config,
-        sheet=SHEET,
-        path=ExactPath(SHEET.length_m, BEND_RAD),
+        sheet=STRIP,
+        path=ExactPath(STRIP.length_m, BEND_RAD),
         touch_rad=TOUCH_RAD,
         bend_speed_rad_per_s=0.15,
     )
@@ -100,9 +93,9 @@ class World:
     def _outer(self, goal: Goal) -> float:
         if goal.phase < PHASES.index("unfold") or self.outer_at(goal.posture):
             return 0.0
-        overhang = 0.5 * SHEET.length_m - self.task.config.layout.holes.outer.along_m
-        stiffness = 3.0 * SHEET.bending_stiffness_nm2 / overhang**3
-        down = SHEET.length_m / math.pi * (TOUCH_RAD - goal.posture.alpha)
+        overhang = 0.5 * STRIP.length_m - self.task.config.layout.holes.outer.along_m
+        stiffness = 3.0 * STRIP.bending_stiffness_nm2 / overhang**3
+        down = STRIP.length_m / math.pi * (TOUCH_RAD - goal.posture.alpha)
         return stiffness * max(down, 0.0)
 
 
@@ -483,9 +476,9 @@ def held_force(height: float) -> float:
     Of all θ(s) of half the sheet, s from the grip, ends given: E = ∫ (EI θ'²/2 + q z) ds is least,
     EI θ'' = λx sin θ + (λz − q (ℓ − s)) cos θ, and 2 λz = 2 dE/dh is the force.
     """
-    EI, half_length = SHEET.bending_stiffness_nm2, 0.5 * SHEET.length_m
-    q = SHEET.weight_per_length_n_per_m
-    half, rise = ExactPath(SHEET.length_m, BEND_RAD).at(BEND_RAD)
+    EI, half_length = STRIP.bending_stiffness_nm2, 0.5 * STRIP.length_m
+    q = STRIP.weight_per_length_n_per_m
+    half, rise = ExactPath(STRIP.length_m, BEND_RAD).at(BEND_RAD)
 
     def rate(s: Array, y: Array, lagrange: Array) -> Array:
         across = lagrange[1] - q * (half_length - s)

@@ -8,8 +8,8 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sheets import STRIP
 
-from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 from dualbend.scene.bed import (
     BedConfig,
@@ -22,14 +22,6 @@ from dualbend.scene.bed import (
 from dualbend.task.assembly_config import AssemblyConfig
 from dualbend.task.assembly_workplace import JAW_ROOM_M, LIFT_ROOM_M, check_workplace
 
-SHEET = Sheet(
-    length_m=0.4,
-    width_m=0.057,
-    thickness_m=0.0005,
-    young_pa=70.3e9,
-    poisson_ratio=0.33,
-    density_kg_per_m3=2680,
-)
 FINE = AssemblyConfig()
 
 
@@ -62,7 +54,7 @@ REFUSED = [
 
 
 def test_the_default_workplace_is_accepted() -> None:
-    check_workplace(FINE, SHEET)
+    check_workplace(FINE, STRIP)
 
 
 @pytest.mark.parametrize(("key", "value", "why", "limit"), REFUSED)
@@ -70,7 +62,7 @@ def test_a_refusal_names_key_value_reason_and_limit(
     key: str, value: float, why: str, limit: float
 ) -> None:
     with pytest.raises(InputError) as error:
-        check_workplace(changed(key, value), SHEET)
+        check_workplace(changed(key, value), STRIP)
     message = str(error.value)
     assert message.startswith(f"assembly.{key} = {value:g}: ")
     assert why in message
@@ -86,10 +78,10 @@ def test_the_limit_itself_is_accepted_and_a_little_beyond_is_not(
 ) -> None:
     sign = -1.0 if value < 0 else 1.0
     kind: Callable[[float], float] = int if key == "sheets" else float
-    check_workplace(changed(key, kind(sign * limit)), SHEET)
+    check_workplace(changed(key, kind(sign * limit)), STRIP)
     beyond = limit + (1 if key == "sheets" else 1e-6) * (1.0 if abs(value) > limit else -1.0)
     with pytest.raises(InputError, match=why):
-        check_workplace(changed(key, kind(sign * beyond)), SHEET)
+        check_workplace(changed(key, kind(sign * beyond)), STRIP)
 
 
 @given(
@@ -111,7 +103,7 @@ def test_following_the_advice_ends_in_a_workplace_that_is_accepted(
     sheets: int,
 ) -> None:
     """Set what is named to what is named, again and again: nothing is refused for ever."""
-    sheet = dataclasses.replace(SHEET, length_m=length + 0.1, width_m=0.1, thickness_m=thickness)
+    sheet = dataclasses.replace(STRIP, length_m=length + 0.1, width_m=0.1, thickness_m=thickness)
     layout = LayoutConfig(
         holes=HolesConfig(
             middle=HolePairConfig(along_m=0.04, across_m=0.3),
@@ -151,6 +143,6 @@ def test_all_that_is_wrong_is_found_one_after_the_other() -> None:
         layout=msgspec.structs.replace(bad.layout, pins=PinsConfig(height_m=4e-3)),
     )
     with pytest.raises(InputError, match="at most 8 sheets"):
-        check_workplace(bad, SHEET)
+        check_workplace(bad, STRIP)
     with pytest.raises(InputError, match="lift_m"):
-        check_workplace(msgspec.structs.replace(bad, sheets=8), SHEET)
+        check_workplace(msgspec.structs.replace(bad, sheets=8), STRIP)
