@@ -82,5 +82,5 @@ def deliver(text: str, out: Path | None) -> None:
 def shown(value: float | list[float | None] | None) -> str:
     """Return a metric's value in four digits; a dash where there is none."""
     if isinstance(value, list):
-        return " ".join(shown(item) for item in value)
+        return " ".join(shown(item) for item in value) or "-"
     return "-" if value is None else f"{value:.4g}"
