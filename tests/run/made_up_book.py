@@ -38,7 +38,9 @@ def make_book(seed: int = 3) -> tuple[AssemblyRun, RunResult]:
     assert isinstance(run, AssemblyRun)
     simulation, rows = run.cell.simulation, stages()
     hinges = run.scenario.sheet.strips.hinges
-    trace = Trace(len(rows), [0, 1], simulation.model.nq, hinges, run.task_columns)
+    trace = Trace(
+        len(rows), [0, 1], simulation.model.nq, hinges, simulation.joints, run.task_columns
+    )
     generator = np.random.default_rng(seed)
     trace.rows = len(rows)
     trace._table[:] = 0.05 * generator.standard_normal(trace._table.shape)

@@ -80,6 +80,8 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
             "compliance.schedule={}",
             "compliance.reference={}",
             "compliance.fusion={}",
+            "cell.left={}",
+            "cell.right={}",
             "compliance.predictor={lead_x_s=0.02,lead_rotation_s=0.02}",
         ],
     )
@@ -133,7 +135,7 @@ def test_shipped_scenarios_are_valid(name: str) -> None:
         ('extends = "fig6"\n[sheet]\nlength_m = 4', "maximum"),
         ('extends = "fig6"\n[alter]\ndelay_cycles = 1.5', "integer"),
         ('extends = "fig6"\n[path]\nkind = "straight"', "straight"),
-        ('extends = "fig6"\n[servo]\nstiffness_n_m_per_rad = [1.0]', "short"),
+        ('extends = "fig6"\n[servo]\nstiffness_n_m_per_rad = [1.0]', "not valid"),
         ('extends = "fig6"\nname = "a b"', "a b"),
         ('name = "a"\n[path]', "sheet"),
         ('name = "a"\n[path]\n[sheet]\nlength_m = 0.4', "width_m"),

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.errors import InputError
 from dualbend.run.guard import (
-    JOINT_LABELS,
     Guard,
     GuardConfig,
     ProtectiveStop,
@@ -23,7 +22,8 @@ from dualbend.run.guard import (
 from dualbend.run.runner import BendingRun, RunResult, refuse_snapped
 from dualbend.run.scenario import load_scenario
 from dualbend.run.trace import WALL_CLOCK_COLUMNS, Trace
-from dualbend.scene.arm import JOINT_SPEED_LIMIT_RAD_PER_S, JOINTS
+from dualbend.scene.arm_model import scene_joints
+from dualbend.scene.arm_pair import paper_pair
 from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD
 from dualbend.scene.sheet import strip_body
 from dualbend.task.bending import PHASES
@@ -333,13 +333,15 @@ def test_every_cycle_is_reported() -> None:
     assert seen == list(range(1, 18))
 
 
+JOINT_LABELS = tuple(f"{side}_{name}" for side in ("left", "right") for name in scene_joints(6))
+SPEED_LIMIT = paper_pair().speed_limit
 RANGE = np.tile([-2.0, 2.0], (12, 1))
 LIMIT = np.full(12, 50.0)
 STILL = np.zeros(12)
 
 
 def guard(**settings: float) -> Guard:
-    return Guard(GuardConfig(**settings), RANGE, LIMIT)
+    return Guard(GuardConfig(**settings), JOINT_LABELS, RANGE, LIMIT, SPEED_LIMIT)
 
 
 def at(index: int, value: float) -> Array:
@@ -358,7 +360,7 @@ def test_the_guard_names_the_joint_and_both_numbers(index: int, sign: float) -> 
     label = JOINT_LABELS[index]
     with pytest.raises(ProtectiveStop, match=rf"following error of {label} is 0\.03 rad.*0\.02"):
         guard().check(at(index, 0.03 * sign), STILL, STILL, STILL)
-    limit = JOINT_SPEED_LIMIT_RAD_PER_S[index % 6]
+    limit = SPEED_LIMIT[index]
     with pytest.raises(ProtectiveStop, match=rf"speed of {label} is .* rad/s, above {limit:.4g}"):
         guard().check(STILL, at(index, 1.01 * limit * sign), STILL, STILL)
     with pytest.raises(ProtectiveStop, match=rf"{label} is at its range's end, -?114\.6 degrees"):
@@ -385,8 +387,7 @@ def test_the_worst_joint_is_the_one_that_is_named() -> None:
 
 
 def test_the_labels_are_the_joints_of_left_and_right() -> None:
-    labels = [f"{side}_{joint}" for side in ("left", "right") for joint in JOINTS]
-    assert list(JOINT_LABELS) == labels
+    assert prepare().cell.simulation.joints == JOINT_LABELS
 
 
 def test_any_warning_counter_fails_the_run() -> None:

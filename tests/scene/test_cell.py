@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from dualbend.beam import elastica
 from dualbend.control.command_response import CommandResponse, CommandResponseConfig
-from dualbend.run.robot_cell import HOME_GUESS_RAD, make_servo
+from dualbend.run.arms import arm_pair, joint_stiffness
+from dualbend.run.robot_cell import make_servo
 from dualbend.run.scenario import Scenario, load_scenario
 from dualbend.scene import arm
+from dualbend.scene.arm_model import scene_joints
 from dualbend.scene.cell import (
     PAD_SITE,
     SIDES,
-    CellConfig,
-    base_pose,
     compose_cell,
     robots_only,
 )
@@ -25,6 +25,7 @@ from dualbend.scene.sheet import StripConfig, bend_joint, damping_time
 from dualbend.scene.simulation import Observation, Simulation, tool_mass_and_centre
 
 Array = NDArray[np.float64]
+JOINTS = scene_joints(6)
 SCENARIO = load_scenario("fig6", ["sheet.strips.hinges=10"])
 GRASP, STRIPS = SCENARIO.grasp, SCENARIO.sheet.strips
 SHEET = SCENARIO.sheet.sheet()
@@ -36,18 +37,20 @@ class Cell:
 
     def __init__(self, alpha: float, scenario: Scenario = SCENARIO) -> None:
         self.alpha, self.sheet = alpha, scenario.sheet.sheet()
-        robots = robots_only(scenario.cell).compile()
+        self.arms = arm_pair(scenario)
+        robots = robots_only(self.arms).compile()
         x = -elastica.half_distance(alpha, self.sheet.length_m)
         self.height = scenario.cell.sheet_height_m
         z = self.height + elastica.rise(alpha, self.sheet.length_m)
         pose = np.array([[x, z, alpha]] * 2)
         ik = InverseKinematics(robots)
-        self.home = ik.solve_from_home(grip_targets(pose), HOME_GUESS_RAD).q
+        self.home = ik.solve_from_home(grip_targets(pose), self.arms.home).q
         self.servo = make_servo(scenario, robots, self.home)
         self.strips = scenario.sheet.strips
         self.grasp = scenario.grasp
         self.spec = compose_cell(
             scenario.cell,
+            self.arms,
             scenario.grasp,
             self.sheet,
             self.strips,
@@ -93,7 +96,7 @@ def released(cell: Cell) -> tuple[mujoco.MjModel, mujoco.MjData]:
     data = mujoco.MjData(model)
     data.eq_active[:] = 0
     for side in SIDES:
-        for i, name in enumerate(arm.JOINTS):
+        for i, name in enumerate(JOINTS):
             data.joint(f"{side}_{name}").qpos[0] = cell.home[6 * SIDES.index(side) + i]
     data.ctrl[:] = cell.home
     return model, data
@@ -103,9 +106,10 @@ def released(cell: Cell) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 def test_the_bases_mirror_each_other() -> None:
-    cell = CellConfig(base_distance_m=1.1, base_lateral_m=0.2)
-    (left, yaw_left), (right, yaw_right) = (base_pose(cell, side) for side in SIDES)
-    np.testing.assert_array_equal(left, [-1.1, 0.2, arm.SHOULDER_HEIGHT_M])
+    settings = ["cell.base_distance_m=1.1", "cell.base_lateral_m=0.2"]
+    arms = arm_pair(load_scenario("fig6", settings))
+    (left, yaw_left), (right, yaw_right) = (arms.base_pose(side) for side in SIDES)
+    np.testing.assert_array_equal(left, [-1.1, 0.2, 0.672])
     # A turn by π about z takes one to the other.
     np.testing.assert_array_equal(right, left * [-1, -1, 1])
     assert (yaw_left, yaw_right) == (0.0, math.pi)
@@ -115,7 +119,7 @@ def test_the_compiled_bases_stand_there(bent: Cell) -> None:
     data = mujoco.MjData(bent.model)
     mujoco.mj_kinematics(bent.model, data)
     for side in SIDES:
-        origin, yaw = base_pose(SCENARIO.cell, side)
+        origin, yaw = bent.arms.base_pose(side)
         # Analytic: composition only.
         np.testing.assert_allclose(data.body(f"{side}_base").xpos, origin, atol=1e-15)
         axes = data.body(f"{side}_base").xmat.reshape(3, 3)
@@ -139,7 +143,7 @@ def test_at_the_start_the_sheets_edges_are_in_the_grips() -> None:
 def test_every_number_of_the_servos_arrived(bent: Cell) -> None:
     model, servo = bent.model, bent.servo
     assert model.nu == 12
-    for i, (side, joint) in enumerate((s, j) for s in SIDES for j in arm.JOINTS):
+    for i, (side, joint) in enumerate((s, j) for s in SIDES for j in JOINTS):
         actuator = model.actuator(f"{side}_{joint}_servo")
         assert actuator.id == i
         assert model.actuator_trnid[i, 0] == model.joint(f"{side}_{joint}").id
@@ -147,7 +151,7 @@ def test_every_number_of_the_servos_arrived(bent: Cell) -> None:
         np.testing.assert_array_equal(
             actuator.biasprm[:3], [0.0, -servo.stiffness[i], -servo.damping[i]]
         )
-    np.testing.assert_array_equal(servo.stiffness, np.tile(SCENARIO.servo.stiffness_n_m_per_rad, 2))
+    np.testing.assert_array_equal(servo.stiffness, joint_stiffness(SCENARIO))
 
 
 def test_every_number_of_the_pads_arrived(bent: Cell) -> None:
@@ -308,7 +312,7 @@ def test_the_arm_gives_way_as_the_joint_stiffness_says(bent: Cell) -> None:
     jacobian, turn = np.zeros((2, 3, model.nv))
     site = model.site(f"left_{arm.GRIP_SITE}").id
     mujoco.mj_jacSite(model, data, jacobian, turn, site)
-    dof = [model.joint(f"left_{name}").dofadr[0] for name in arm.JOINTS]
+    dof = [model.joint(f"left_{name}").dofadr[0] for name in JOINTS]
     before = data.site_xpos[site].copy()
     force = np.array([-5.0, 2.0, 3.0])
     data.xfrc_applied[model.body("left_pad").id, :3] = force
@@ -324,11 +328,11 @@ def test_the_arm_gives_way_as_the_joint_stiffness_says(bent: Cell) -> None:
 def test_one_joint_gives_way_by_its_own_stiffness(bent: Cell) -> None:
     model, data = released(bent)
     load = np.array([20.0, 20.0, 10.0, 3.0, 3.0, 3.0])
-    dof = [model.joint(f"right_{name}").dofadr[0] for name in arm.JOINTS]
+    dof = [model.joint(f"right_{name}").dofadr[0] for name in JOINTS]
     data.qfrc_applied[dof] = load
     for _ in range(600):
         mujoco.mj_step(model, data)
-    turned = [data.joint(f"right_{name}").qpos[0] for name in arm.JOINTS] - bent.home[6:]
+    turned = [data.joint(f"right_{name}").qpos[0] for name in JOINTS] - bent.home[6:]
     np.testing.assert_allclose(turned, load / bent.servo.stiffness[6:], rtol=1e-5)  # analytic
 
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from dualbend.beam import elastica
 from dualbend.errors import InputError
-from dualbend.run.robot_cell import HOME_GUESS_RAD
-from dualbend.scene.arm import GRIP_SITE, JOINTS
+from dualbend.scene.arm import GRIP_SITE
+from dualbend.scene.arm_model import scene_joints
+from dualbend.scene.arm_pair import paper_pair
 from dualbend.scene.cell import SIDES, CellConfig, robots_only
 from dualbend.scene.ik import (
     TOLERANCE_M,
@@ -21,13 +22,15 @@ from dualbend.scene.ik import (
 )
 
 Array = NDArray[np.float64]
-CELL = CellConfig(base_distance_m=0.975)
+CELL = CellConfig()
+ARMS = paper_pair(base_distance_m=0.975)
+HOME_RAD = ARMS.home
 LENGTH_M = 0.4
 
 
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
-    return robots_only(CELL).compile()
+    return robots_only(ARMS).compile()
 
 
 @pytest.fixture(scope="module")
@@ -77,14 +80,14 @@ def targets_of(model: mujoco.MjModel, q: Array) -> Targets:
 def test_the_model_is_the_twelve_joints_in_order(model: mujoco.MjModel) -> None:
     assert model.nq == model.nv == 12
     names = [model.joint(i).name for i in range(12)]
-    assert names == [f"{side}_{joint}" for side in SIDES for joint in JOINTS]
+    assert names == [f"{side}_{joint}" for side in SIDES for joint in scene_joints(6)]
 
 
 def test_the_targets_are_the_bending_frames_poses(
     model: mujoco.MjModel, solver: InverseKinematics
 ) -> None:
     pose = np.array([[-0.19, 0.69, 0.30], [-0.17, 0.70, 0.25]])  # the two differ: no mix-up
-    solution = solver.solve_from_home(grip_targets(pose), HOME_GUESS_RAD)
+    solution = solver.solve_from_home(grip_targets(pose), HOME_RAD)
     found = planar_pose(model, solution.q)
     # Limited by the iteration's tolerance.
     np.testing.assert_allclose(found[:, [0, 2, 3]], pose, atol=3e-8)
@@ -95,7 +98,7 @@ def test_joint_angles_come_back_from_their_own_poses(
     model: mujoco.MjModel, solver: InverseKinematics
 ) -> None:
     rng = np.random.default_rng(1)
-    home = solver.solve_from_home(grip_targets(nominal(0.3)), HOME_GUESS_RAD).q
+    home = solver.solve_from_home(grip_targets(nominal(0.3)), HOME_RAD).q
     for _ in range(30):
         wanted = home + rng.uniform(-0.25, 0.25, 12)
         solution = solver.solve(targets_of(model, wanted), home)
@@ -111,7 +114,7 @@ def test_the_reported_residual_is_the_true_one(
     model: mujoco.MjModel, solver: InverseKinematics
 ) -> None:
     """Stopped early, the residual is the pose error that the kinematics of its answer have."""
-    start = solver.solve_from_home(grip_targets(nominal(0.1)), HOME_GUESS_RAD).q
+    start = solver.solve_from_home(grip_targets(nominal(0.1)), HOME_RAD).q
     solution = solver.solve(grip_targets(nominal(0.5)), start, max_iterations=0)
     assert not solution.reached
     assert solution.iterations == 0
@@ -121,7 +124,7 @@ def test_the_reported_residual_is_the_true_one(
 
 def test_newton_needs_few_iterations_along_a_path(solver: InverseKinematics) -> None:
     """With the prediction 2q − q₋, a 28 ms step at 0.1 rad/s takes two iterations at most."""
-    q = previous = solver.solve_from_home(grip_targets(nominal(0.2)), HOME_GUESS_RAD).q
+    q = previous = solver.solve_from_home(grip_targets(nominal(0.2)), HOME_RAD).q
     counts = []
     for k in range(1, 41):
         solution = solver.solve(grip_targets(nominal(0.2 + 0.0028 * k)), 2 * q - previous)
@@ -132,7 +135,7 @@ def test_newton_needs_few_iterations_along_a_path(solver: InverseKinematics) -> 
 
 
 def test_the_path_is_continuous_and_symmetric(solver: InverseKinematics) -> None:
-    q = solver.solve_from_home(grip_targets(nominal(0.0)), HOME_GUESS_RAD).q
+    q = solver.solve_from_home(grip_targets(nominal(0.0)), HOME_RAD).q
     alphas = np.linspace(0.0, 1.2, 61)
     steps = []
     for alpha in alphas[1:]:
@@ -151,7 +154,7 @@ def test_the_path_is_continuous_and_symmetric(solver: InverseKinematics) -> None
 def test_joint_limits_hold_on_the_way(model: mujoco.MjModel, solver: InverseKinematics) -> None:
     far = nominal(0.0)
     far[:, 0] -= 0.6  # behind the arms
-    solution = solver.solve(grip_targets(far), HOME_GUESS_RAD, max_iterations=50)
+    solution = solver.solve(grip_targets(far), HOME_RAD, max_iterations=50)
     assert not solution.reached
     low, high = model.jnt_range.T
     assert np.all(solution.q >= low - 1e-9)
@@ -165,15 +168,17 @@ def test_out_of_reach_is_refused_with_the_miss_and_the_limits(
     pose = nominal(0.1)
     pose[:, axis] += shift
     with pytest.raises(InputError, match=r"out of reach.* mm and .* degrees") as caught:
-        solver.solve_from_home(grip_targets(pose), HOME_GUESS_RAD)
+        solver.solve_from_home(grip_targets(pose), HOME_RAD)
     assert "at the limit of" in str(caught.value)
-    assert any(f"{side}_{joint}" in str(caught.value) for side in SIDES for joint in JOINTS)
+    assert any(
+        f"{side}_{joint}" in str(caught.value) for side in SIDES for joint in scene_joints(6)
+    )
 
 
 def test_only_one_arm_out_of_reach_is_still_refused(solver: InverseKinematics) -> None:
     pose = nominal(0.1)
     pose[1, 0] -= 0.6
     with pytest.raises(InputError, match="out of reach") as caught:
-        solver.solve_from_home(grip_targets(pose), HOME_GUESS_RAD)
+        solver.solve_from_home(grip_targets(pose), HOME_RAD)
     assert "right_joint" in str(caught.value)
     assert "left_joint" not in str(caught.value)

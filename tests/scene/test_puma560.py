@@ -6,13 +6,14 @@ import pytest
 from numpy.typing import NDArray
 
 from dualbend.analysis import dh
-from dualbend.control.servo import JointServoConfig
 from dualbend.errors import InputError
 from dualbend.resources import models_dir
 from dualbend.scene import arm
+from dualbend.scene.arm_model import arm_model
 
 Array = NDArray[np.float64]
 G = dh.GRAVITY_M_PER_S2
+PUMA = arm_model("puma560")
 LIMITS = np.array([link.range_rad for link in dh.PUMA560])
 TOOL_BODIES = ("hand", "jaw_upper", "jaw_lower")
 
@@ -27,14 +28,14 @@ def relative(found: Array, wanted: Array) -> float:
 
 @pytest.fixture(scope="module")
 def model() -> mujoco.MjModel:
-    return arm.load_arm().compile()
+    return arm.load_puma().compile()
 
 
 def armed_model() -> mujoco.MjModel:
     """Return the arm with gripper and stiff joint servos."""
-    spec = arm.load_arm()
+    spec = arm.load_puma()
     spec.attach(arm.load_gripper(), site=arm.FLANGE_SITE, prefix="g/")
-    for name, stiffness in zip(arm.JOINTS, JointServoConfig().stiffness_n_m_per_rad, strict=True):
+    for name, stiffness in zip(PUMA.joints, PUMA.stiffness_n_m_per_rad, strict=True):
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=stiffness, kv=0.02 * stiffness)
     return spec.compile()
@@ -127,7 +128,7 @@ def test_gravity_torque_is_the_gradient_of_the_potential_energy() -> None:
 
 @pytest.mark.parametrize("i", range(6))
 def test_every_table_value_arrived(model: mujoco.MjModel, i: int) -> None:
-    link, joint, body = dh.PUMA560[i], model.joint(arm.JOINTS[i]), model.body(f"link{i + 1}")
+    link, joint, body = dh.PUMA560[i], model.joint(PUMA.joints[i]), model.body(f"link{i + 1}")
     np.testing.assert_allclose(joint.range, link.range_rad, rtol=1e-12)  # analytic
     assert joint.armature[0] == link.armature_kg_m2  # copied
     # Golden: computed from the motor's values and written with five digits.
@@ -162,7 +163,7 @@ def test_link_three_needed_its_repair_and_nothing_more() -> None:
 
 
 def test_mass_of_the_first_link_is_neutral(model: mujoco.MjModel) -> None:
-    spec = arm.load_arm()
+    spec = arm.load_puma()
     spec.body("link1").mass = 40.0
     heavy = spec.compile()
     full, wanted = np.zeros((6, 6)), np.zeros((6, 6))
@@ -318,7 +319,7 @@ def test_sensor_reads_an_end_force_with_the_documented_sign(armed: mujoco.MjMode
 def test_endpoint_stiffness_is_how_far_the_servos_yield() -> None:
     servo = armed_model()
     servo.dof_frictionloss[:] = 0.0  # dry friction would hide the yield
-    kq = np.array(JointServoConfig().stiffness_n_m_per_rad)
+    kq = np.array(PUMA.stiffness_n_m_per_rad)
     data, jacobian = mujoco.MjData(servo), np.zeros((3, servo.nv))
     data.qpos[:6] = data.ctrl[:] = arm.WORKING_RAD
     mujoco.mj_forward(servo, data)

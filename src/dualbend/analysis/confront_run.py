@@ -22,7 +22,6 @@ from dualbend.control.servo import JointServo
 from dualbend.errors import InputError
 from dualbend.run.runner import BendingRun
 from dualbend.run.scenario import Scenario
-from dualbend.scene.arm import JOINTS
 from dualbend.scene.cell import SIDES
 from dualbend.task.bending import MotionConfig, PathConfig
 
@@ -167,9 +166,8 @@ def dominant_frequency(signal: Vector) -> float:
 def without_friction(ready: BendingRun) -> None:
     """Take the dry friction of the arms' joints, and what the servos feed forward for it, away."""
     model, servo = ready.cell.simulation.model, ready.cell.servo
-    for side in SIDES:
-        for joint in JOINTS:
-            model.dof_frictionloss[model.joint(f"{side}_{joint}").dofadr] = 0.0
+    for joint in ready.cell.simulation.joints:
+        model.dof_frictionloss[model.joint(joint).dofadr] = 0.0
     nothing = np.zeros_like(servo.stiffness)
     robots: mujoco.MjModel = ready.cell.ik.model
     ready.cell.servo = JointServo(

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.analysis.stability_arm import Joints
+from dualbend.run.arms import arm_pair, one_kind
 from dualbend.run.known_sheet import tool_inertia
-from dualbend.run.robot_cell import HOME_GUESS_RAD, make_servo
+from dualbend.run.robot_cell import make_servo
 from dualbend.run.scenario import Scenario
-from dualbend.scene.arm import GRIP_SITE, JOINTS
+from dualbend.scene.arm import GRIP_SITE
 from dualbend.scene.cell import SIDES, robots_only
 from dualbend.scene.ik import InverseKinematics, grip_targets
 
@@ -40,12 +41,13 @@ class PosedArm:
     """
 
     def __init__(self, scenario: Scenario, home: Vector) -> None:
-        self._model = robots_only(scenario.cell).compile()
+        arms = one_kind(arm_pair(scenario), "the stability of the loop")
+        self._model = robots_only(arms).compile()
         self._data = mujoco.MjData(self._model)
         self._ik = InverseKinematics(self._model)
-        self._q = HOME_GUESS_RAD
+        self._q = self._home = arms.home
         self._site = self._model.site(f"{SIDES[0]}_{GRIP_SITE}").id
-        self._n = len(JOINTS)
+        self._n = arms.left.model.count
         self._reach(home)
         servo = make_servo(scenario, self._model, self._q)
         nothing, unit = np.zeros((2, self._n * len(SIDES)))
@@ -72,7 +74,7 @@ class PosedArm:
         targets = grip_targets(np.array([pose, pose]))
         solution = self._ik.solve(targets, self._q)
         self._q = (
-            solution if solution.reached else self._ik.solve_from_home(targets, HOME_GUESS_RAD)
+            solution if solution.reached else self._ik.solve_from_home(targets, self._home)
         ).q
 
     def move(self, pose: Vector) -> None:

@@ -19,6 +19,7 @@ from dualbend.control.admittance import Admittance
 from dualbend.control.alter import steps_per_cycle
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.control.predictor import ResponseModel
+from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.run.known_sheet import ArmGive, known_sheet
 from dualbend.run.scenario import Scenario
 from dualbend.task.bending import PHASES, make_path, nominal_motion
@@ -75,7 +76,7 @@ class PathPrediction:
         """Return force x, z and moment (n, 3) on the sensing arm without any compliance."""
         scenario, count = self.scenario, len(self._pose)
         sheet = scenario.sheet.sheet()
-        give = ArmGive(scenario.cell, scenario.servo, scenario.grasp)
+        give = ArmGive(arm_pair(scenario), joint_stiffness(scenario).tolist(), scenario.grasp)
         solved = np.unique([*range(0, count, _EVERY), count - 1])
         wrenches, state = np.empty((len(solved), 3)), None
         for row, cycle in zip(wrenches, solved.tolist(), strict=True):

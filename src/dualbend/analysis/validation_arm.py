@@ -17,9 +17,10 @@ from dualbend.control.force_torque import (
     ToolGravityCompensation,
     WrenchChain,
 )
-from dualbend.control.servo import JointServoConfig
 from dualbend.scene import arm
-from dualbend.scene.cell import CellConfig, robots_only
+from dualbend.scene.arm_model import ArmModel
+from dualbend.scene.arm_pair import paper_pair
+from dualbend.scene.cell import robots_only
 from dualbend.scene.simulation import tool_mass_and_centre
 
 Vector = NDArray[np.float64]
@@ -46,7 +47,7 @@ def table_rows(configurations: int = 30) -> Iterator[Row]:
     Each row gives the worst relative difference over seeded configurations: the largest |entry| of
     the difference over the largest |entry| of the table's matrix.
     """
-    model = arm.load_arm().compile()
+    model = arm.load_puma().compile()
     data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     worst = np.zeros(3)
     for q in random_configurations(configurations):
@@ -84,15 +85,16 @@ def held_weight_errors(sensor: ForceTorqueConfig, poses: int = 10) -> tuple[floa
     MuJoCo's sensor at the wrist reads then goes through the chain. Expected in the grip frame:
     F = m g R_WGᵀ (0, 0, −1) and M = c × F.
     """
-    spec = robots_only(CellConfig())
+    arms = paper_pair()
+    spec = robots_only(arms)
     chain = wrench_chain(spec.copy().compile(), sensor)
     centre = np.array(PAYLOAD_GRIP_M)
     load = spec.body(f"{_SIDE}_hand").add_body(name="load", explicitinertial=True)
     load.mass, load.inertia = PAYLOAD_KG, [1e-4, 1e-4, 1e-4]
     load.ipos = spec.site(f"{_SIDE}_{arm.GRIP_SITE}").pos + centre
-    _hold_by_servos(spec)
+    _hold_by_servos(spec, arms.left.model)
     model = spec.compile()
-    data, joints = mujoco.MjData(model), len(arm.JOINTS)
+    data, joints = mujoco.MjData(model), arms.left.model.count
     errors = []
     for q in random_configurations(poses):
         mujoco.mj_resetData(model, data)
@@ -114,12 +116,12 @@ def held_weight_errors(sensor: ForceTorqueConfig, poses: int = 10) -> tuple[floa
     return float(worst_force), float(worst_torque)
 
 
-def _hold_by_servos(spec: mujoco.MjSpec) -> None:
+def _hold_by_servos(spec: mujoco.MjSpec, model: ArmModel) -> None:
     spec.option.timestep = _HOLD_STEP_S
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     # Random poses may put links into each other, which is not what is measured.
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    for joint, stiffness in zip(arm.JOINTS, JointServoConfig().stiffness_n_m_per_rad, strict=True):
+    for joint, stiffness in zip(model.joints, model.stiffness_n_m_per_rad, strict=True):
         name = f"{_SIDE}_{joint}"
         servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=stiffness, kv=_HOLD_DAMPING_S * stiffness)

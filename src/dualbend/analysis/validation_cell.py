@@ -65,7 +65,8 @@ class HeldCell:
         self._cell = RobotCell(scenario, self.pose)
         self.simulation = self._cell.simulation
         self.model = self.simulation.model
-        joints = [self.model.joint(f"{side}_{name}") for side in SIDES for name in arm.JOINTS]
+        self.arms, self.servo = self._cell.arms, self._cell.servo
+        joints = [self.model.joint(name) for name in self.simulation.joints]
         self.dof = np.array([joint.dofadr[0] for joint in joints])
         if not dry_friction:
             self.model.dof_frictionloss[self.dof] = 0.0
@@ -160,9 +161,9 @@ def _compliance(cell: HeldCell) -> Vector:
     jacobian = np.zeros((6, model.nv))
     grip = model.site(f"{SIDES[0]}_{arm.GRIP_SITE}").id
     mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], grip)
-    left = cell.dof[: len(arm.JOINTS)]
-    stiffness = np.array(cell.scenario.servo.stiffness_n_m_per_rad)
-    return np.asarray(np.linalg.inv(arm.endpoint_stiffness(jacobian[:, left], stiffness)))
+    left = cell.arms.joints("left")
+    by_joints, stiffness = jacobian[:, cell.dof[left]], cell.servo.stiffness[left]
+    return np.asarray(np.linalg.inv(arm.endpoint_stiffness(by_joints, stiffness)))
 
 
 def _push_left_grip(cell: HeldCell, wrench: Vector) -> None:

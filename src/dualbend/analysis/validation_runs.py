@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from dualbend.analysis.metrics import bending_rows, compute_metrics, peak_by_piece
 from dualbend.analysis.validation_row import Row, absolute, at_least, at_most
 from dualbend.beam import rod
+from dualbend.run.arms import arm_pair
 from dualbend.run.runner import BendingRun, RunResult
 from dualbend.run.scenario import list_scenarios, load_scenario
 from dualbend.run.trace import WALL_CLOCK_COLUMNS
-from dualbend.scene.arm import GRIP_SITE, JOINTS
+from dualbend.scene.arm import GRIP_SITE
 from dualbend.scene.cell import SIDES, Side, robots_only
 from dualbend.task.bending import make_path
 
@@ -53,9 +54,9 @@ def ik_residuals(run: RunResult) -> tuple[float, float]:
     The recorded joint set-points are put into the robots' model and compared with the recorded
     commands, so nothing of the solver's own account enters. NaN where no cycle was solved.
     """
-    model = robots_only(run.scenario.cell).compile()
+    model = robots_only(arm_pair(run.scenario)).compile()
     data, trace = mujoco.MjData(model), run.trace
-    q = np.column_stack([trace[f"{side}_setpoint_{joint}"] for side in SIDES for joint in JOINTS])
+    q = np.column_stack([trace[name.replace("_", "_setpoint_", 1)] for name in trace.joints])
     poses = [
         np.column_stack([trace[f"{side}_command_{part}"] for part in ("x", "z", "alpha")])
         for side in SIDES

@@ -21,17 +21,19 @@ _COULOMB_SPEED_RAD_PER_S = 1e-4
 
 
 class JointServoConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Stiffness and damping of the six joint servos.
+    """Stiffness and damping of the joint servos; each arm has a stiffness of its own by default."""
 
-    The default of joints 1 to 3 is k = (2π f)² J: f = 20 Hz, the upper end of a recalled first
-    resonance of 14-20 Hz, and J = 2.88, 2.09, 0.36 kg m², what the published links have about each
-    joint at pose qn of the Robotics Toolbox (inferred). Joints 4 to 6 are assumed.
-    """
-
-    stiffness_n_m_per_rad: Annotated[
-        tuple[Positive, Positive, Positive, Positive, Positive, Positive],
-        msgspec.Meta(description="waist to flange, what a load feels"),
-    ] = (4.5e4, 3.3e4, 0.57e4, 2.0e3, 2.0e3, 2.0e3)
+    stiffness_n_m_per_rad: (
+        Annotated[
+            tuple[Positive, ...],
+            msgspec.Meta(
+                min_length=6,
+                max_length=20,
+                description="one a joint, base to flange, what a load feels; none: the arm's own",
+            ),
+        ]
+        | None
+    ) = None
     damping_ratio: Annotated[
         float, msgspec.Meta(gt=0, le=5, description="ζ of each joint by itself, 1 is critical [-]")
     ] = 1.0

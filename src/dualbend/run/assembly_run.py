@@ -20,6 +20,7 @@ from dualbend.control.object_admittance import (
     net_wrench,
 )
 from dualbend.errors import InputError
+from dualbend.run.arms import shown_placements
 from dualbend.run.guard import SimulationFailed
 from dualbend.run.object_stiffness import object_stiffness
 from dualbend.run.robot_cell import RobotCell
@@ -165,7 +166,7 @@ class AssemblyRun(Run):
             f"assembly.layout.stand.y_m = {layout.stand.y_m:g}, "
             f"assembly.layout.stand.top_m = {layout.stand.top_m:g}, "
             f"assembly.layout.bed.top_m = {layout.bed.top_m:g}, "
-            f"cell.base_distance_m = {self.scenario.cell.base_distance_m:g}"
+            f"{shown_placements(self.scenario)}"
         )
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated
 
@@ -11,12 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.scene.arm import JOINT_SPEED_LIMIT_RAD_PER_S, JOINTS
-from dualbend.scene.cell import SIDES
-
 Vector = NDArray[np.float64]
-
-JOINT_LABELS = tuple(f"{side}_{joint}" for side in SIDES for joint in JOINTS)
 
 
 class GuardConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -42,17 +37,28 @@ class SimulationFailed(Exception):  # noqa: N818 - an outcome of a run
 
 
 class Guard:
-    """Checks, once a command cycle, what a robot controller checks."""
+    """Checks, once a command cycle, what a robot controller checks.
 
-    def __init__(self, config: GuardConfig, joint_range: Vector, torque_limit: Vector) -> None:
-        self._config = config
+    All over the n joints of both arms: their names, range (n, 2) [rad], torque limit [N m] and
+    speed limit [rad/s], of which the configured fraction is allowed.
+    """
+
+    def __init__(
+        self,
+        config: GuardConfig,
+        joints: Sequence[str],
+        joint_range: Vector,
+        torque_limit: Vector,
+        speed_limit: Vector,
+    ) -> None:
+        self._config, self._joints = config, joints
         self._low, self._high = joint_range.T
         self._torque_limit = torque_limit * (1.0 - 1e-6)
-        self._speed_limit = config.speed_fraction * np.tile(JOINT_SPEED_LIMIT_RAD_PER_S, len(SIDES))
-        self._cycles_at_limit = np.zeros(len(JOINT_LABELS), dtype=np.int_)
+        self._speed_limit = config.speed_fraction * speed_limit
+        self._cycles_at_limit = np.zeros(len(joints), dtype=np.int_)
 
     def check(self, q: Vector, speed: Vector, torque: Vector, reference: Vector) -> None:
-        """Raise ProtectiveStop where a joint (12,) is outside what the controller allows."""
+        """Raise ProtectiveStop where a joint (n,) is outside what the controller allows."""
         error = q - reference
         checks = (
             (np.abs(error), self._config.following_error_rad, "following error", "rad"),
@@ -64,21 +70,21 @@ class Guard:
                 i = int(np.argmax(value / limit))
                 allowed = float(np.broadcast_to(limit, value.shape)[i])
                 raise ProtectiveStop(
-                    f"{name} of {JOINT_LABELS[i]} is {value[i]:.4g} {unit}, above {allowed:.4g}"
+                    f"{name} of {self._joints[i]} is {value[i]:.4g} {unit}, above {allowed:.4g}"
                 )
         at_limit = np.abs(torque) >= self._torque_limit
         self._cycles_at_limit = np.where(at_limit, self._cycles_at_limit + 1, 0)
         if (self._cycles_at_limit >= self._config.torque_cycles).any():
             i = int(np.argmax(self._cycles_at_limit))
             raise ProtectiveStop(
-                f"{JOINT_LABELS[i]} is at its torque limit of {self._torque_limit[i]:.1f} N m "
+                f"{self._joints[i]} is at its torque limit of {self._torque_limit[i]:.1f} N m "
                 f"for {self._cycles_at_limit[i]} cycles"
             )
         outside = (q <= self._low) | (q >= self._high)
         if outside.any():
             i = int(np.argmax(outside))
             raise ProtectiveStop(
-                f"{JOINT_LABELS[i]} is at its range's end, {np.degrees(q[i]):.1f} degrees"
+                f"{self._joints[i]} is at its range's end, {np.degrees(q[i]):.1f} degrees"
             )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -18,11 +19,11 @@ from dualbend.control.alter import AlterConfig, steps_per_cycle
 from dualbend.control.model_admittance import ModelAdmittance
 from dualbend.control.predictor import ResponseModel
 from dualbend.control.schedule import KnownSheet
-from dualbend.control.servo import JointServoConfig
 from dualbend.errors import InputError
-from dualbend.run.robot_cell import HOME_GUESS_RAD
+from dualbend.run.arms import arm_pair, joint_stiffness, one_kind
 from dualbend.run.scenario import ArmsConfig, Scenario, SheetConfig
-from dualbend.scene.arm import GRIP_SITE, JOINTS
+from dualbend.scene.arm import GRIP_SITE
+from dualbend.scene.arm_pair import ArmPair
 from dualbend.scene.cell import SIDES, CellConfig, GraspConfig, robots_only
 from dualbend.scene.ik import InverseKinematics, grip_targets
 
@@ -72,7 +73,8 @@ def known_sheet(scenario: Scenario) -> KnownSheet:
     return _known_sheet(
         scenario.sheet,
         scenario.cell,
-        scenario.servo,
+        one_kind(arm_pair(scenario), "a model in the compliance"),
+        tuple(joint_stiffness(scenario).tolist()),
         scenario.grasp,
         scenario.arms,
         scenario.alter,
@@ -86,7 +88,8 @@ def known_sheet(scenario: Scenario) -> KnownSheet:
 def _known_sheet(
     sheet_config: SheetConfig,
     cell: CellConfig,
-    servo: JointServoConfig,
+    pair: ArmPair,
+    stiffness: tuple[float, ...],
     grasp: GraspConfig,
     arms: ArmsConfig,
     alter: AlterConfig,
@@ -94,7 +97,7 @@ def _known_sheet(
     end_rad: float,
     lever_arm_m: float,
 ) -> KnownSheet:
-    sheet, give = sheet_config.sheet(), ArmGive(cell, servo, grasp)
+    sheet, give = sheet_config.sheet(), ArmGive(pair, stiffness, grasp)
     sensing = [i for i, side in enumerate(SIDES) if side in arms.sensing]
     complying = [i for i, side in enumerate(SIDES) if side in arms.complying]
     rows = []
@@ -204,13 +207,13 @@ def _pressed(
 class ArmGive:
     """What the left arm with its grasp gives way at a pose, and the inertia of its tool."""
 
-    def __init__(self, cell: CellConfig, servo: JointServoConfig, grasp: GraspConfig) -> None:
-        self._model = robots_only(cell).compile()
+    def __init__(self, arms: ArmPair, stiffness: Sequence[float], grasp: GraspConfig) -> None:
+        self._model = robots_only(arms).compile()
         self._data = mujoco.MjData(self._model)
         self._ik = InverseKinematics(self._model)
-        self._q = HOME_GUESS_RAD
+        self._q, self._left = arms.home, arms.joints("left")
         self._site = self._model.site(f"{SIDES[0]}_{GRIP_SITE}").id
-        self._per_torque = 1.0 / np.array(servo.stiffness_n_m_per_rad)
+        self._per_torque = 1.0 / np.array(stiffness)[self._left]
         translation = 1.0 / grasp.translational_stiffness_n_per_m
         rotation = 1.0 / grasp.rotational_stiffness_n_m_per_rad
         self.grasp = np.diag([translation, translation, rotation])
@@ -225,7 +228,7 @@ class ArmGive:
         mujoco.mj_comPos(model, data)
         translation, rotation = np.zeros((2, 3, model.nv))
         mujoco.mj_jacSite(model, data, translation, rotation, self._site)
-        planar = np.vstack([translation[[0, 2]], rotation[1]])[:, : len(JOINTS)]
+        planar = np.vstack([translation[[0, 2]], rotation[1]])[:, self._left]
         compliance = (planar * self._per_torque) @ planar.T
         return np.asarray(compliance), tool_inertia(model, data, self._site)
 

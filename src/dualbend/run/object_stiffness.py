@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from dualbend.beam import elastica
 from dualbend.control.force_torque import skew
 from dualbend.run.robot_cell import RobotCell
-from dualbend.scene import arm
 from dualbend.scene.cell import PAD_SITE, SIDES
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, bend_joint, twist_joint
 
@@ -21,7 +20,7 @@ def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: flo
 
     The sheet is pinned at ± ``pinned_m`` from its middle. Beyond that, each half gives way by its
     hinges, its grasp's rubber and its arm's joints, ``C = Σ J k⁻¹ Jᵀ``, at the joint angles ``q``
-    (12,) and in the zero-moment shape; the end force's part in the sheet's stiffness is left out.
+    (n,) and in the zero-moment shape; the end force's part in the sheet's stiffness is left out.
     With A_i the motion of grip i per motion of the middle, ``K = Σ A_iᵀ C_i⁻¹ A_i`` (6, 6). Pins
     hold the middle along x and y and against yaw; it may rise and tilt, so K is condensed to those.
     """
@@ -41,13 +40,13 @@ def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: flo
     for side, end, sign in zip(SIDES, (LEFT_END, RIGHT_END), (-1.0, 1.0), strict=True):
         pad = model.site(f"{side}_{PAD_SITE}").id
         turn = np.kron(np.eye(2), data.site_xmat[pad].reshape(3, 3))
-        joints = [model.joint(f"{side}_{name}") for name in arm.JOINTS]
-        dofs = np.array([joint.dofadr[0] for joint in joints])
+        mine = cell.arms.joints(side)
+        dofs = np.array([model.joint(name).dofadr[0] for name in simulation.joints[mine]])
         by_arm = _jacobian(model, data, pad)[:, dofs]
         hinges = _hinges(model, sign, pinned_m, cell)
         by_sheet = _jacobian(model, data, model.site(end).id)[:, model.jnt_dofadr[hinges]]
         compliance = (
-            (by_arm / scenario.servo.stiffness_n_m_per_rad) @ by_arm.T
+            (by_arm / cell.servo.stiffness[mine]) @ by_arm.T
             + (turn / rubber) @ turn.T
             + (by_sheet / model.jnt_stiffness[hinges].reshape(len(hinges), -1)[:, 0]) @ by_sheet.T
         )

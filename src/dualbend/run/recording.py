@@ -19,7 +19,6 @@ from dualbend.run.recording_scales import Scales
 from dualbend.run.recording_scene import NOMINAL_COLOUR, log_scene
 from dualbend.run.runner import RunResult
 from dualbend.run.trace import Trace
-from dualbend.scene import arm
 from dualbend.scene.cell import SIDES
 
 _WHITE, _CREAM, _BLUE, _ORANGE = [240, 240, 240], [255, 220, 150], [70, 180, 255], [255, 165, 60]
@@ -133,8 +132,9 @@ def _log_deviations(log: RecordingLog, trace: Trace) -> None:
 def _log_joints(log: RecordingLog, trace: Trace) -> None:
     """Log joint torques and what the inverse kinematics left over."""
     for side in SIDES:
-        torques = np.stack([trace[f"{side}_torque_{joint}"] for joint in arm.JOINTS], axis=1)
-        names = [f"{side} joint {i} [N m]" for i in range(1, len(arm.JOINTS) + 1)]
+        joints = [name.removeprefix(f"{side}_") for name in trace.joints if name.startswith(side)]
+        torques = np.stack([trace[f"{side}_torque_{joint}"] for joint in joints], axis=1)
+        names = [f"{side} joint {i} [N m]" for i in range(1, len(joints) + 1)]
         log.once(f"torque/{side}", rr.SeriesLines(names=names))
         log.rows(f"torque/{side}", rr.Scalars, scalars=torques)
     log.lines(

@@ -12,15 +12,13 @@ from dualbend.beam import elastica
 from dualbend.control.alter import steps_per_cycle
 from dualbend.control.command_response import CommandResponse
 from dualbend.control.servo import JointServo
+from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.run.scenario import Scenario
-from dualbend.scene.cell import SIDES, compose_cell, robots_only, without_looks
+from dualbend.scene.cell import compose_cell, robots_only, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.simulation import SensorSample, Simulation
 
 Vector = NDArray[np.float64]
-
-HOME_GUESS_RAD = np.radians([0.0, 45.0, -180.0, 0.0, 45.0, 0.0] * len(SIDES))
-"""Elbow up, forearm down, hand level: the branch of solutions that the cell is laid out for."""
 
 
 class RobotCell:
@@ -44,9 +42,10 @@ class RobotCell:
 
     def __init__(self, scenario: Scenario, start: Vector, place: Vector | None = None) -> None:
         self.scenario, self.start, self.place = scenario, start, place
-        robots = robots_only(scenario.cell).compile()
+        self.arms = arms = arm_pair(scenario)
+        robots = robots_only(arms).compile()
         self.ik = InverseKinematics(robots)
-        self.home = self.reach(start, HOME_GUESS_RAD, place)
+        self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)
         step_s = scenario.physics.step_s
         strips, task = scenario.sheet.strips, scenario.assembly
@@ -54,6 +53,7 @@ class RobotCell:
         self.sheet = sheet if task is None else task.errors.true_sheet(sheet)
         self.spec = compose_cell(
             scenario.cell,
+            arms,
             scenario.grasp,
             self.sheet,
             strips,
@@ -76,7 +76,7 @@ class RobotCell:
         return self.spec.compile()
 
     def reach(self, pose: Vector, guess: Vector, place: Vector | None = None) -> Vector:
-        """Return the joint angles (12,) for both grips at (x, z, α); InputError where none are."""
+        """Return the joint angles (n,) for both grips at (x, z, α); InputError where none are."""
         both = np.array([pose, pose])
         targets = grip_targets(both) if place is None else carried_targets(both, place)
         return self.ik.solve_from_home(targets, guess).q
@@ -91,7 +91,7 @@ class RobotCell:
         return self.simulation.reset(self.home, sheet.thickness_m / 2, slopes, middle)
 
     def send(self, q: Vector) -> SensorSample:
-        """Run one command cycle towards the joint set-points (12,) [rad]."""
+        """Run one command cycle towards the joint set-points (n,) [rad]."""
         reference = self.response.update(q)
         return self.simulation.advance(
             self.servo.setpoint(reference.position, reference.velocity, reference.acceleration)
@@ -106,7 +106,7 @@ def make_servo(scenario: Scenario, robots: mujoco.MjModel, home: Vector) -> Join
     inertia = np.zeros((robots.nv, robots.nv))
     mujoco.mj_fullM(robots, data, inertia)
     return JointServo(
-        stiffness=np.tile(scenario.servo.stiffness_n_m_per_rad, len(SIDES)),
+        stiffness=joint_stiffness(scenario),
         inertia=np.diag(inertia).copy(),
         viscous_friction=robots.dof_damping.copy().ravel(),
         coulomb_friction=robots.dof_frictionloss.copy().ravel(),

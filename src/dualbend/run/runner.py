@@ -16,8 +16,8 @@ from dualbend.control.controller import Command, ComplianceController, Reading
 from dualbend.control.filters import LowPass
 from dualbend.control.force_torque import Sensor, ToolGravityCompensation, WrenchChain
 from dualbend.errors import InputError
+from dualbend.run.arms import shown_placements
 from dualbend.run.guard import (
-    JOINT_LABELS,
     Guard,
     ProtectiveStop,
     SimulationFailed,
@@ -28,7 +28,6 @@ from dualbend.run.known_sheet import make_admittance
 from dualbend.run.robot_cell import RobotCell
 from dualbend.run.scenario import Outcome, Scenario
 from dualbend.run.trace import Trace
-from dualbend.scene.arm import JOINT_SPEED_LIMIT_RAD_PER_S
 from dualbend.scene.cell import SIDES
 from dualbend.scene.ik import Targets, grip_targets
 from dualbend.scene.simulation import Observation, SensorSample, tool_mass_and_centre
@@ -111,10 +110,17 @@ class Run:
             list(controller.chains),
             simulation.model.nq,
             self.scenario.sheet.strips.hinges,
+            simulation.joints,
             self.task_columns,
         )
         self.trace = trace
-        guard = Guard(self.scenario.guard, simulation.joint_range, simulation.torque_limit)
+        guard = Guard(
+            self.scenario.guard,
+            simulation.joints,
+            simulation.joint_range,
+            simulation.torque_limit,
+            self.cell.arms.speed_limit,
+        )
         cycle = Cycle(self.cell, guard, trace, on_cycle)
         started = time.perf_counter()
         outcome: Outcome = "completed"
@@ -271,22 +277,21 @@ class BendingRun(Run):
             q, before = there, cycle
 
     def _out_of_reach(self, cycle: int, error: InputError) -> InputError:
-        cell = self.scenario.cell
         return InputError(
             f"scenario {self.scenario.name!r}: path at {self.motion.alpha_rad[cycle]:.3f} rad: "
-            f"{error}; look at cell.base_distance_m = {cell.base_distance_m}, "
-            f"cell.base_lateral_m = {cell.base_lateral_m}, "
-            f"cell.sheet_height_m = {cell.sheet_height_m}"
+            f"{error}; look at {shown_placements(self.scenario)}, "
+            f"cell.sheet_height_m = {self.scenario.cell.sheet_height_m}"
         )
 
     def _refuse_speed(self, speed: Vector) -> None:
-        limit = self.scenario.guard.speed_fraction * np.tile(JOINT_SPEED_LIMIT_RAD_PER_S, 2)
+        joints = self.cell.simulation.joints
+        limit = self.scenario.guard.speed_fraction * self.cell.arms.speed_limit
         i = int(np.argmax(speed / limit))
         if speed[i] > limit[i]:
             slower = self.scenario.motion.speed_rad_per_s * limit[i] / speed[i]
             raise InputError(
                 f"motion.speed_rad_per_s = {self.scenario.motion.speed_rad_per_s}: "
-                f"{JOINT_LABELS[i]} would turn at {speed[i]:.2f} rad/s, above {limit[i]:.2f}; "
+                f"{joints[i]} would turn at {speed[i]:.2f} rad/s, above {limit[i]:.2f}; "
                 f"at most {slower:.2f} rad/s of bending here"
             )
 

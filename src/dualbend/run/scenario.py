@@ -27,8 +27,10 @@ from dualbend.control.force_torque import ForceTorqueConfig
 from dualbend.control.servo import JointServoConfig
 from dualbend.errors import InputError
 from dualbend.resources import scenarios_dir
+from dualbend.run.arm_change import without_other_arms
 from dualbend.run.guard import GuardConfig
-from dualbend.scene.cell import CellConfig, GraspConfig, Side
+from dualbend.scene.arm_catalog import JOINT_COUNT, ArmName
+from dualbend.scene.cell import SIDES, CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
 from dualbend.task.assembly_config import AssemblyConfig
 from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
@@ -103,6 +105,22 @@ class ArmsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
                 raise ValueError(f"{name} names an arm twice: {list(sides)}")
 
 
+class ArmConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Which arms: the PUMA 560, or one of those that the package example-robot-data describes."""
+
+    model: Annotated[ArmName, msgspec.Meta(description="kind of both arms")] = "puma560"
+    left: (
+        Annotated[ArmName, msgspec.Meta(description="kind of the left arm, if another")] | None
+    ) = None
+    right: (
+        Annotated[ArmName, msgspec.Meta(description="kind of the right arm, if another")] | None
+    ) = None
+
+    def of(self, side: Side) -> ArmName:
+        """Return the name of one side's arm."""
+        return (self.left if side == "left" else self.right) or self.model
+
+
 class PhysicsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The physics step."""
 
@@ -147,6 +165,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     motion: MotionConfig = MotionConfig()
     cell: CellConfig = CellConfig()
     grasp: GraspConfig = GraspConfig()
+    arm: ArmConfig = ArmConfig()
     arms: ArmsConfig = ArmsConfig()
     response: CommandResponseConfig = CommandResponseConfig()
     servo: JointServoConfig = JointServoConfig()
@@ -160,7 +179,8 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     expect: ExpectConfig = ExpectConfig()
 
     def __post_init__(self) -> None:
-        """Refuse a run that is too long to be meant."""
+        """Refuse a run that is too long to be meant, and a number of joints that no arm has."""
+        self._refuse_joint_counts()
         law = make_time_law(self.path, self.motion)
         total = self.motion.settle_s + law.duration_s + self.motion.hold_s
         if not total <= LONGEST_RUN_S:
@@ -169,6 +189,20 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 f"motion.acceleration_rad_per_s2 = {self.motion.acceleration_rad_per_s2} makes a "
                 f"run of {total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
             )
+
+    def _refuse_joint_counts(self) -> None:
+        for side in SIDES:
+            name, stand = self.arm.of(side), getattr(self.cell, side) or self.cell
+            for key, values in (
+                ("servo.stiffness_n_m_per_rad", self.servo.stiffness_n_m_per_rad),
+                ("cell.home_rad", self.cell.home_rad),
+                (f"cell.{side}.home_rad", stand.home_rad),
+            ):
+                if values is not None and len(values) != JOINT_COUNT[name]:
+                    raise ValueError(
+                        f"{key} has {len(values)} values, the {side} arm {name!r} has "
+                        f"{JOINT_COUNT[name]} joints"
+                    )
 
     def to_toml(self) -> str:
         """Return the resolved scenario: loading it again gives an equal object."""
@@ -187,11 +221,17 @@ def load_scenario(
     path = _find(name_or_file)
     data = _read(path, seen=())
     # A new kind replaces its section, so it comes first: the other settings of the section stay.
-    for setting in sorted(settings, key=lambda text: ".kind=" not in text.replace(" ", "")):
+    # So does another arm, which takes the places of the one before back.
+    for setting in sorted(settings, key=_comes_late):
         data = _apply(data, setting)
     if seed is not None:
         data["seed"] = seed
     return _convert(data, f"{path.name} with --set" if settings else path.name)
+
+
+def _comes_late(setting: str) -> bool:
+    key = setting.partition("=")[0].strip()
+    return not (key.endswith(".kind") or key.startswith("arm."))
 
 
 def _find(name_or_file: str) -> Path:
@@ -255,7 +295,7 @@ def _merge(
     default = fields["kind"].default if "kind" in fields else None
     if "kind" in over and over["kind"] != base.get("kind", default):
         base = {}
-    merged = dict(base)
+    merged = dict(base) if kind is not Scenario else without_other_arms(base, over)
     for key, value in over.items():
         if value == UNSET and key in fields and fields[key].default is None:
             merged.pop(key, None)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.control.controller import Command, Reading
 from dualbend.errors import InputError
-from dualbend.scene.arm import JOINTS
 from dualbend.scene.cell import SIDES
 from dualbend.scene.ik import IKSolution
 from dualbend.scene.simulation import Observation
@@ -30,8 +29,9 @@ _COMMAND = (("x", "m"), ("z", "m"), ("alpha", "rad"))
 _WRENCH = tuple((f"force_{a}", "N") for a in "xyz") + tuple((f"moment_{a}", "N m") for a in "xyz")
 
 
-def _joint_columns(kind: str, unit: str) -> list[tuple[str, str]]:
-    return [(f"{side}_{kind}_{joint}", unit) for side in SIDES for joint in JOINTS]
+def _joint_columns(joints: Sequence[str], kind: str, unit: str) -> list[tuple[str, str]]:
+    """Return ``left_q_joint1`` for ``left_joint1``."""
+    return [(name.replace("_", f"_{kind}_", 1), unit) for name in joints]
 
 
 class Trace:
@@ -47,6 +47,8 @@ class Trace:
         Length of the physics state that is kept beside the columns, for the recording in 3D.
     hinges
         Number of bending hinges.
+    joints
+        Names of the arms' joints, such as ``left_joint1``.
     task
         Further columns, with their units, that only this task has.
     """
@@ -57,9 +59,11 @@ class Trace:
         sensing: Sequence[int],
         qpos_size: int,
         hinges: int,
+        joints: Sequence[str],
         task: Sequence[tuple[str, str]] = (),
     ) -> None:
         self.columns: list[tuple[str, str]] = []
+        self.joints = tuple(joints)
         self._slices: dict[str, slice] = {}
         self._declare("clock", [("time", "s"), ("phase", "1")])
         self._declare(
@@ -74,9 +78,9 @@ class Trace:
             [(f"{s}_deviation_{p}", u) for s in SIDES for p, u in (("x", "m"), ("alpha", "rad"))],
         )
         self._declare("command", [(f"{s}_command_{p}", u) for s in SIDES for p, u in _COMMAND])
-        self._declare("q", _joint_columns("q", "rad"))
-        self._declare("setpoint", _joint_columns("setpoint", "rad"))
-        self._declare("torque", _joint_columns("torque", "N m"))
+        self._declare("q", _joint_columns(joints, "q", "rad"))
+        self._declare("setpoint", _joint_columns(joints, "setpoint", "rad"))
+        self._declare("torque", _joint_columns(joints, "torque", "N m"))
         self._declare("ik", [("ik_position", "m"), ("ik_rotation", "rad"), ("ik_iterations", "1")])
         for i in sensing:
             side = SIDES[i]

@@ -1,4 +1,4 @@
-"""The PUMA 560 and its gripper as MuJoCo specifications, and the arm's published constants."""
+"""The PUMA 560 and the gripper of every arm as MuJoCo specifications, and the names in them."""
 
 import math
 from typing import Final
@@ -10,14 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from dualbend.errors import InputError
 from dualbend.resources import models_dir
 
-JOINTS: Final = ("joint1", "joint2", "joint3", "joint4", "joint5", "joint6")
-"""Joint names from the waist to the flange."""
-
 JAW_JOINTS: Final = ("jaw_upper", "jaw_lower")
 """Slide joints of the gripper: 0 closed, 0.015 m open, each."""
 
 FLANGE_SITE: Final = "flange"
-"""Mounting face of the arm, axes of DH frame 6."""
+"""Mounting face of an arm, z outward; the PUMA's has the axes of DH frame 6."""
 
 GRIP_SITE: Final = "grip"
 """Gripper centre with the axes of the grip frame G."""
@@ -31,20 +28,14 @@ FT_SENSORS: Final = ("ft_force", "ft_torque")
 LEVER_ARM_M: Final = 0.120
 """Distance from `FT_SITE` to `GRIP_SITE` along x of both [m]."""
 
-SHOULDER_HEIGHT_M: Final = 0.672
-"""Shoulder axis (the base frame's origin) above the floor [m]; RTB-Python, Puma560.py."""
-
 READY_RAD: Final = (0.0, math.pi / 2, -math.pi / 2, 0.0, 0.0, 0.0)
-"""Pose qr of the Robotics Toolbox: arm straight up [rad]."""
+"""Pose qr of the Robotics Toolbox, the PUMA straight up [rad]."""
 
 WORKING_RAD: Final = (0.0, math.radians(97.0), math.radians(-195.0), 0.0, math.radians(8.0), 0.0)
-"""Gripper horizontal along the base's x, grip at (0.5814, -0.15005, 0.3484) m [rad]."""
-
-JOINT_SPEED_LIMIT_RAD_PER_S: Final = (1.92, 1.51, 2.40, 5.34, 5.09, 5.74)
-"""Speed at which the drive's voltage saturates [rad/s]; Corke (1996), Tables 2.18 and 2.21."""
+"""PUMA's gripper horizontal along the base's x, grip at (0.5814, -0.15005, 0.3484) m [rad]."""
 
 
-def load_arm() -> mujoco.MjSpec:
+def load_puma() -> mujoco.MjSpec:
     """Return a fresh specification of one PUMA 560 without actuators or gripper.
 
     The frame of ``base`` is DH frame 0, on the shoulder axis; ``flange`` is where a tool attaches.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 import mujoco
@@ -12,11 +12,21 @@ from numpy.typing import NDArray
 from dualbend.beam.sheet import Sheet
 from dualbend.control.servo import JointServo
 from dualbend.scene import arm
+from dualbend.scene.arm_pair import SIDES, ArmPair, Side
 from dualbend.scene.bed import GRIPPING, LayoutConfig, add_holes, add_workplace
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, add_sheet
 
-Side = Literal["left", "right"]
-SIDES: tuple[Side, Side] = ("left", "right")
+__all__ = [
+    "PAD_SITE",
+    "SIDES",
+    "CellConfig",
+    "GraspConfig",
+    "PlacementConfig",
+    "Side",
+    "compose_cell",
+    "robots_only",
+    "without_looks",
+]
 
 Vector = NDArray[np.float64]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -31,18 +41,59 @@ feels is the configured stiffness within 10 % (translation) and 1 % (rotation)."
 _JAW_STIFFNESS_N_PER_M, _JAW_FORCE_N = 2e4, 40.0
 
 
-class CellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where the arms and the sheet stand, in the world (z up, x from the left to the right arm)."""
+class PlacementConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where one arm stands, by hand; what is not given is as for both arms."""
 
-    base_distance_m: Annotated[
-        float, msgspec.Meta(gt=0.3, lt=3, description="waist axis to the mid-plane, along x")
-    ] = 1.075
-    base_lateral_m: Annotated[
-        float, msgspec.Meta(ge=-1, le=1, description="waist axis off the bending plane, along y_B")
-    ] = 0.15005
+    base_distance_m: (
+        Annotated[
+            float, msgspec.Meta(gt=0.3, lt=3, description="base axis to the mid-plane, along x_B")
+        ]
+        | None
+    ) = None
+    base_lateral_m: (
+        Annotated[
+            float,
+            msgspec.Meta(ge=-1, le=1, description="base axis off the bending plane, along y_B"),
+        ]
+        | None
+    ) = None
+    base_height_m: (
+        Annotated[
+            float, msgspec.Meta(ge=0, lt=3, description="base frame's origin above the floor")
+        ]
+        | None
+    ) = None
+    base_yaw_rad: (
+        Annotated[
+            float, msgspec.Meta(ge=-7, le=7, description="base frame about the vertical, from x_B")
+        ]
+        | None
+    ) = None
+    home_rad: (
+        Annotated[
+            tuple[float, ...],
+            msgspec.Meta(
+                min_length=6,
+                description="joint angles near the start: the branch of solutions, and the posture "
+                "that a redundant arm keeps",
+            ),
+        ]
+        | None
+    ) = None
+
+
+class CellConfig(PlacementConfig, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the arms and the sheet stand, in the world (z up, x from the left to the right arm).
+
+    What is not given is as documented for the arm (the PUMA's: 1.075, 0.15005, 0.672 m, no yaw), or
+    found for the sheet and its path.
+    """
+
     sheet_height_m: Annotated[
         float, msgspec.Meta(gt=0, lt=3, description="flat sheet above the floor")
     ] = 0.672
+    left: PlacementConfig | None = None
+    right: PlacementConfig | None = None
 
 
 class GraspConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -64,22 +115,13 @@ class GraspConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     ] = 1.6e-3
 
 
-def base_pose(cell: CellConfig, side: Side) -> tuple[Vector, float]:
-    """Return the base frame's origin (3,) [m] in the world and its yaw [rad]."""
-    sign, yaw = (-1.0, 0.0) if side == "left" else (1.0, np.pi)
-    origin = np.array(
-        [sign * cell.base_distance_m, -sign * cell.base_lateral_m, arm.SHOULDER_HEIGHT_M]
-    )
-    return origin, yaw
-
-
-def robots_only(cell: CellConfig) -> mujoco.MjSpec:
-    """Return both arms with their tools and nothing else: 12 joints, for IK and inertia."""
+def robots_only(arms: ArmPair) -> mujoco.MjSpec:
+    """Return both arms with their tools and nothing else: no jaws, for IK and inertia."""
     spec = mujoco.MjSpec()
     spec.modelname = "dualbend robots"
     spec.compiler.degree = False
     for side in SIDES:
-        _add_arm(spec, cell, side)
+        _add_arm(spec, arms, side)
         for joint in arm.JAW_JOINTS:
             spec.delete(spec.joint(f"{side}_{joint}"))
     return spec
@@ -87,6 +129,7 @@ def robots_only(cell: CellConfig) -> mujoco.MjSpec:
 
 def compose_cell(
     cell: CellConfig,
+    arms: ArmPair,
     grasp: GraspConfig,
     sheet: Sheet,
     strips: StripConfig,
@@ -114,11 +157,11 @@ def compose_cell(
     )
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     _add_surroundings(spec, cell)
-    for i, side in enumerate(SIDES):
-        _add_arm(spec, cell, side)
+    for side, placed in zip(SIDES, arms, strict=True):
+        _add_arm(spec, arms, side)
         _add_pad(spec, grasp, side)
-        for j, joint in enumerate(arm.JOINTS):
-            _add_servo(spec, f"{side}_{joint}", servo, 6 * i + j)
+        for i, joint in enumerate(placed.model.joints, arms.joints(side).start):
+            _add_servo(spec, f"{side}_{joint}", servo, i)
     add_sheet(spec, sheet, strips, np.array([0.0, 0.0, cell.sheet_height_m]))
     for side, end in zip(SIDES, (LEFT_END, RIGHT_END), strict=True):
         hold = spec.add_equality(
@@ -147,11 +190,12 @@ def without_looks(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     return bare
 
 
-def _add_arm(spec: mujoco.MjSpec, cell: CellConfig, side: Side) -> None:
+def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side) -> None:
     """Attach one arm with its tool; every name gets the side as a prefix."""
-    origin, yaw = base_pose(cell, side)
+    origin, yaw = arms.base_pose(side)
     frame = spec.worldbody.add_frame(pos=origin, quat=[np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
-    spec.attach(arm.load_arm(), frame=frame, prefix=f"{side}_")
+    model = (arms.left if side == "left" else arms.right).model
+    spec.attach(model.spec(), frame=frame, prefix=f"{side}_")
     flange = spec.site(f"{side}_{arm.FLANGE_SITE}")
     tool = arm.load_gripper()
     # Arm and tool share a prefix; two classes of one name would not load again from the XML.

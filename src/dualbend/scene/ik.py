@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.errors import InputError
-from dualbend.scene.arm import GRIP_SITE, JOINTS
+from dualbend.scene.arm import GRIP_SITE
 from dualbend.scene.cell import SIDES
 
 Vector = NDArray[np.float64]
@@ -48,7 +48,7 @@ class IKSolution:
 
 
 class InverseKinematics:
-    """Joint angles (12,) that put both grip frames at given poses, within the joint limits.
+    """Joint angles (n,) that put both grip frames at given poses, within the joint limits.
 
     Each call does Newton steps ``dq = argmin |J dq − e|²`` within the joint limits (a QP in mink),
     from a start that the caller predicts, until the residual e is below the tolerance.
@@ -115,8 +115,8 @@ class InverseKinematics:
     def describe_miss(self, solution: IKSolution) -> str:
         """Say how far from the target the search ended, and which joints were at their limits."""
         at_limit = [
-            f"{side}_{joint}"
-            for i, (side, joint) in enumerate((s, j) for s in SIDES for j in JOINTS)
+            self.model.joint(i).name
+            for i in range(self.model.njnt)
             if min(solution.q[i] - self._lower[i], self._upper[i] - solution.q[i]) < 1e-3
         ]
         where = f", at the limit of {', '.join(at_limit)}" if at_limit else ""

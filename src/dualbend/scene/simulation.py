@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dualbend.control.alter import TransportDelay, steps_per_cycle
 from dualbend.scene import arm
+from dualbend.scene.arm_pair import arm_joints
 from dualbend.scene.cell import PAD_SITE, SIDES, GraspConfig
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, bend_joint, strip_body
 
@@ -26,7 +27,7 @@ class Observation:
 
     Attributes
     ----------
-    q, speed, torque : (12,) joint angles [rad], speeds [rad/s], servo torques [N m]
+    q, speed, torque : (n,) joint angles [rad], speeds [rad/s], servo torques [N m]
     grip, edge : (2, 4) x, y, z [m] and end slope α [rad] of the gripper and of the sheet's edge,
         each in its arm's bending frame, whose origin is on the floor in the mid-plane
     wrench : (2, 6) force [N] and moment [N m] of the sheet on the arm, about the gripper centre,
@@ -84,7 +85,9 @@ class Simulation:
     ) -> None:
         self.model, self.data = model, mujoco.MjData(model)
         self.steps = steps_per_cycle(model.opt.timestep)
-        joints = [model.joint(f"{side}_{name}") for side in SIDES for name in arm.JOINTS]
+        self.joints = arm_joints(model)
+        """Names of the arms' joints, in the order of every vector over them."""
+        joints = [model.joint(name) for name in self.joints]
         self._q = np.array([joint.qposadr[0] for joint in joints])
         self._dof = np.array([joint.dofadr[0] for joint in joints])
         self.joint_range = np.array([joint.range for joint in joints])
@@ -139,7 +142,7 @@ class Simulation:
     ) -> SensorSample:
         """Start at rest and return the first sample.
 
-        Joint angles (12,) [rad], opening of each jaw, slopes of the strips (N + 1,) [rad], place
+        Joint angles (n,) [rad], opening of each jaw, slopes of the strips (N + 1,) [rad], place
         of the sheet's middle (3,) in the world, the sheet's turn about the vertical.
         """
         mujoco.mj_resetData(self.model, self.data)
@@ -212,7 +215,7 @@ class Simulation:
         return pose
 
     def advance(self, setpoints: Vector) -> SensorSample:
-        """Run one command cycle on ``setpoints`` (steps, 12) [rad], one row a physics step.
+        """Run one command cycle on ``setpoints`` (steps, n) [rad], one row a physics step.
 
         The Coriolis torques, and any weight that the arms do not compensate by themselves, are fed
         forward as of the cycle's start.

@@ -1,0 +1,120 @@
+"""The arms that can be named: what the files do not say, each number with its grade.
+
+Geometry, masses, joint limits, speeds and torques of an arm from the package example-robot-data are
+read from its URDF. This table has what no URDF holds: where the flange is, payload, reach, rotors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+ArmName = Literal["puma560", "ur3", "ur5", "ur10", "panda", "xarm7", "z1"]
+
+PACKAGE: Final = "example-robot-data"
+"""The package that holds the URDFs."""
+
+JOINT_COUNT: Final[dict[ArmName, int]] = {
+    **{"puma560": 6, "ur3": 6, "ur5": 6, "ur10": 6, "panda": 7, "xarm7": 7, "z1": 6}
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class UrdfFacts:
+    """An arm in the package's files, and what they do not say of it.
+
+    Attributes
+    ----------
+    file : below the package's folder ``robots``
+    base, flange : links between which the arm is
+    flange_rpy : turn [rad] from the flange link's axes to ones with z outward
+    payload_kg, reach_m : rated
+    rated : whose numbers those two are, and how sure
+    armature_kg_m2 : of every joint's rotor at the joint; no URDF has it
+    upstream : where the package has the description from
+    grade : of the dynamics in the URDF
+    """
+
+    file: str
+    base: str
+    flange: str
+    flange_rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    payload_kg: float
+    reach_m: float
+    rated: str
+    armature_kg_m2: float = 0.1
+    upstream: str
+    grade: str
+
+
+_UR = "ros-industrial/universal_robot (ur_description)"
+_UR_SHEET = "Universal Robots CB3 data sheets (recalled)"
+_UR_GRADE = "manufacturer's masses; inertias of cylinders, no friction"
+_WRISTS = (
+    "; the wrists' inertias are those of a body of 0.4 m radius of gyration, as in the upstream"
+)
+
+URDF_ARMS: Final[dict[ArmName, UrdfFacts]] = {
+    "ur3": UrdfFacts(
+        file="ur_description/urdf/ur3_robot.urdf",
+        base="base_link",
+        flange="tool0",
+        payload_kg=3.0,
+        reach_m=0.5,
+        rated=_UR_SHEET,
+        upstream=_UR,
+        grade=_UR_GRADE,
+    ),
+    "ur5": UrdfFacts(
+        file="ur_description/urdf/ur5_robot.urdf",
+        base="base_link",
+        flange="tool0",
+        payload_kg=5.0,
+        reach_m=0.85,
+        rated=_UR_SHEET,
+        upstream=_UR,
+        grade=_UR_GRADE + _WRISTS,
+    ),
+    "ur10": UrdfFacts(
+        file="ur_description/urdf/ur10_robot.urdf",
+        base="base_link",
+        flange="tool0",
+        payload_kg=10.0,
+        reach_m=1.3,
+        rated=_UR_SHEET,
+        upstream=_UR,
+        grade=_UR_GRADE,
+    ),
+    "panda": UrdfFacts(
+        file="panda_description/urdf/panda.urdf",
+        base="panda_link0",
+        flange="panda_link8",
+        payload_kg=3.0,
+        reach_m=0.855,
+        rated="Franka Emika data sheet (recalled)",
+        upstream="frankaemika/franka_ros (franka_description)",
+        grade="identified masses and inertias; friction is a simulator's placeholder",
+    ),
+    "xarm7": UrdfFacts(
+        file="xarm_description/urdf/xarm7.urdf",
+        base="link_base",
+        flange="link_eef",
+        payload_kg=3.5,
+        reach_m=0.7,
+        rated="UFACTORY data sheet (recalled)",
+        upstream="xArm-Developer/xarm_ros2",
+        grade="manufacturer's masses and inertias; friction in round numbers",
+    ),
+    "z1": UrdfFacts(
+        file="z1_description/urdf/z1.urdf",
+        base="link00",
+        # The gripper's stator starts on the mounting face of the last joint; x is outward there.
+        flange="gripperStator",
+        flange_rpy=(0.0, 1.5707963267948966, 0.0),
+        payload_kg=3.0,
+        reach_m=0.74,
+        rated="Unitree, Z1 specifications",
+        upstream="unitreerobotics/unitree_ros (z1_description)",
+        grade="manufacturer's masses and inertias; friction in round numbers",
+    ),
+}
