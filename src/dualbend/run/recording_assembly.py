@@ -93,7 +93,7 @@ def log_holes(log: RecordingLog, result: RunResult, place: Vector, quaternion: V
             ),
             rr.LineStrips3D([rim], colors=_RIM_COLOUR, radii=_RIM_M),
         )
-        log.rows(
+        log.frames(
             f"cell/hole/{hole}",
             rr.Transform3D,
             translation=place[:, i].round(6),

@@ -16,31 +16,87 @@ Colour = list[int]
 TIMELINE = "sim_time"
 """Name of the only timeline: simulated time since the start of the run."""
 
+FRAME_CYCLES = 2
+"""The scene in 3D has a frame every so many cycles (56 ms, 18 a second); series have every one."""
+
 
 @dataclass(frozen=True)
 class RecordingLog:
-    """A stream and the times of the trace's rows, in whole nanoseconds."""
+    """A stream and the times of the trace's rows, in whole nanoseconds.
+
+    Parameters
+    ----------
+    stream, times
+        Where to, and when.
+    begin
+        The run's row that is the first of ``times``.
+    done
+        Rows of ``times`` that were logged before, and with them all that is logged once.
+    ended
+        The last of ``times`` is the run's last: the scene is shown there too.
+    """
 
     stream: rr.RecordingStream
     times: Times
+    begin: int = 0
+    done: int = 0
+    ended: bool = True
+
+    @property
+    def live(self) -> bool:
+        """More rows are to come, so nothing is known to rest for the whole run."""
+        return self.done > 0 or not self.ended
 
     def once(self, entity: str, *archetypes: rr.AsComponents) -> None:
-        """Log what holds for the whole run."""
+        """Log what holds for the whole run, with the first rows."""
+        if not self.done:
+            self.replace(entity, *archetypes)
+
+    def replace(self, entity: str, *archetypes: rr.AsComponents) -> None:
+        """Log what holds for the whole run, as far as it is known now."""
         self.stream.log(entity, *archetypes, static=True)
 
     def rows(self, entity: str, archetype: type[rr.AsComponents], **values: NDArray[Any]) -> None:
         """Log (rows, ...) or (rows, instances, ...) values, without the rows that hold a NaN."""
-        finite = np.ones(len(self.times), dtype=bool)
+        self._send_rows(entity, archetype, values, self._new() & _finite(values))
+
+    def frames(self, entity: str, archetype: type[rr.AsComponents], **values: NDArray[Any]) -> None:
+        """Log what the eye follows: every second row and the last, where anything changed.
+
+        A viewer shows the latest frame at any time, so one that equals it says nothing.
+        """
+        count = len(self.times)
+        shown = (self.begin + np.arange(count)) % FRAME_CYCLES == 0
+        if self.ended and count:
+            shown[-1] = True
+        at = np.flatnonzero(shown & _finite(values))
+        moved = np.zeros(len(at), dtype=bool)
+        moved[:1] = True
         for value in values.values():
-            finite &= np.isfinite(value).all(axis=tuple(range(1, value.ndim)))
-        kept = {key: value[finite] for key, value in values.items()}
+            change = value[at[1:]] != value[at[:-1]]
+            moved[1:] |= change.any(axis=tuple(range(1, value.ndim)))
+        kept = np.zeros(count, dtype=bool)
+        kept[at[moved]] = True
+        self._send_rows(entity, archetype, values, kept & self._new())
+
+    def _new(self) -> NDArray[np.bool_]:
+        return np.arange(len(self.times)) >= self.done
+
+    def _send_rows(
+        self,
+        entity: str,
+        archetype: type[rr.AsComponents],
+        values: dict[str, NDArray[Any]],
+        rows: NDArray[np.bool_],
+    ) -> None:
+        kept = {key: value[rows] for key, value in values.items()}
         several = [value.shape[1] for value in values.values() if value.ndim == 3]
         if several:
             kept = {key: value.reshape(-1, value.shape[-1]) for key, value in kept.items()}
         columns = archetype.columns(**kept)
         if several:
-            columns = columns.partition(np.full(finite.sum(), several[0]))
-        self.send(entity, self.times[finite], columns)
+            columns = columns.partition(np.full(rows.sum(), several[0]))
+        self.send(entity, self.times[rows], columns)
 
     def send(self, entity: str, times: Times, columns: rr.ComponentColumnList) -> None:
         """Log columns at times of their own; no times, no entity."""
@@ -53,3 +109,9 @@ class RecordingLog:
         names, values, colours, widths = zip(*series, strict=True)
         self.once(entity, rr.SeriesLines(names=names, colors=colours, widths=widths))
         self.rows(entity, rr.Scalars, scalars=np.stack(values, axis=1))
+
+
+def _finite(values: dict[str, NDArray[Any]]) -> NDArray[np.bool_]:
+    """Return which rows hold no NaN (rows,)."""
+    parts = [np.isfinite(v).all(axis=tuple(range(1, v.ndim))) for v in values.values()]
+    return np.asarray(np.logical_and.reduce(parts))

@@ -1,6 +1,6 @@
 """The recording's scene in 3D: arms and tools, the sheet and its moment, grips and wrenches.
 
-Shapes are logged once a body; a cycle adds only the poses of what moves against its parent body.
+Shapes are logged once a body; a frame adds only the poses of what moves against its parent body.
 """
 
 from __future__ import annotations
@@ -96,12 +96,16 @@ def _log_robots(log: RecordingLog, model: mujoco.MjModel, motion: _Motion) -> No
         half_sizes=[1.5, 0.9, 0.01], centers=[0, 0, -0.011], colors=[74, 78, 84], fill_mode="solid"
     )
     log.once("cell/floor", floor)
-    entity = {0: "cell"}
+    entity, carrier = {0: "cell"}, _carriers(model)
     for body in range(1, model.nbody):
-        name, parent = model.body(body).name, int(model.body_parentid[body])
-        shapes = _shapes(model, body)
+        name, parent = model.body(body).name, int(carrier[model.body_parentid[body]])
+        if carrier[body] != body:
+            continue
+        shapes = _shapes(model, *np.flatnonzero(carrier == body).tolist())
         if shapes and name.startswith(SIDES):
-            entity[body] = f"{entity[parent]}/{name}"
+            # Below its base a body is called link1, not left_link1: paths are most of an index.
+            short = name.removeprefix("left_").removeprefix("right_")
+            entity[body] = f"{entity[parent]}/{name if parent == 0 else short}"
             _log_body(log, entity[body], shapes, *_rows_of_pose(motion, body, parent))
 
 
@@ -121,7 +125,7 @@ def _rows_of_pose(motion: _Motion, body: int, parent: int) -> tuple[Vector, Vect
     )
     back = base.inv()
     place = back.apply(motion.place[:, body] - motion.place[:, parent])
-    return place.round(_DECIMALS), (back * turn).as_quat(canonical=True)
+    return place.round(_DECIMALS), (back * turn).as_quat(canonical=True).round(_DECIMALS)
 
 
 def _log_body(
@@ -129,22 +133,37 @@ def _log_body(
 ) -> None:
     """Log a body's shapes and its pose in its parent body, the pose only once where it rests."""
     both = np.concatenate((place, quaternion), axis=1)
-    if len(both) and np.ptp(both, axis=0).max() <= _STILL:
+    if len(both) and not log.live and np.ptp(both, axis=0).max() <= _STILL:
         turned = rr.Quaternion(xyzw=quaternion[0])
         log.once(entity, *shapes, rr.Transform3D(translation=place[0], quaternion=turned))
     else:
         log.once(entity, *shapes)
-        log.rows(entity, rr.Transform3D, translation=place, quaternion=quaternion)
+        log.frames(entity, rr.Transform3D, translation=place, quaternion=quaternion)
 
 
-def _shapes(model: mujoco.MjModel, body: int) -> list[Any]:
-    """Return the visual shapes of one body, one archetype a kind."""
-    mine = (model.geom_bodyid == body) & (model.geom_group == _VISUAL_GROUP)
+def _carriers(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Return the body whose entity shows each body (bodies,): what is screwed to a link is its own.
+
+    Fewer entities make a smaller file. A body with a mesh, and what stands on the floor, is its
+    own.
+    """
+    meshes = model.geom_bodyid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
+    carrier = np.arange(model.nbody)
+    for body in range(1, model.nbody):
+        parent = int(model.body_parentid[body])
+        if model.body_weldid[body] and not model.body_dofnum[body] and body not in meshes:
+            carrier[body] = carrier[parent]
+    return carrier
+
+
+def _shapes(model: mujoco.MjModel, body: int, *fixed: int) -> list[Any]:
+    """Return the visual shapes of a body and those fixed to it, in its frame, by kind."""
+    mine = np.isin(model.geom_bodyid, (body, *fixed)) & (model.geom_group == _VISUAL_GROUP)
     shapes = []
     for kind in np.unique(model.geom_type[mine]):
         which = np.flatnonzero(mine & (model.geom_type == kind))
-        size, place = model.geom_size[which], model.geom_pos[which]
-        quaternion, material = model.geom_quat[which][:, [1, 2, 3, 0]], model.geom_matid[which]
+        size, material = model.geom_size[which], model.geom_matid[which]
+        place, quaternion = _in_carrier(model, which, body)
         plain = material[:, None] < 0
         rgba = np.where(plain, model.geom_rgba[which], model.mat_rgba[material])
         look = {"quaternions": quaternion, "colors": rgba, "fill_mode": "solid"}
@@ -168,6 +187,21 @@ def _shapes(model: mujoco.MjModel, body: int) -> list[Any]:
             case other:
                 raise NotImplementedError(f"a visual geom of type {other.name} in the recording")
     return shapes
+
+
+def _in_carrier(
+    model: mujoco.MjModel, geoms: NDArray[np.intp], carrier: int
+) -> tuple[Vector, Vector]:
+    """Return places (n, 3) and orientations (n, 4; w last) of geoms in their carrier's frame."""
+    place, quaternion = model.geom_pos[geoms].copy(), model.geom_quat[geoms][:, [1, 2, 3, 0]]
+    for i, geom in enumerate(geoms):
+        body = int(model.geom_bodyid[geom])
+        while body != carrier:
+            turn = Rotation.from_quat(model.body_quat[body], scalar_first=True)
+            place[i] = turn.apply(place[i]) + model.body_pos[body]
+            quaternion[i] = (turn * Rotation.from_quat(quaternion[i])).as_quat(canonical=True)
+            body = int(model.body_parentid[body])
+    return place, quaternion
 
 
 def _mesh(model: mujoco.MjModel, geom: int, rgba: Vector) -> rr.Mesh3D:
@@ -199,7 +233,7 @@ def _log_sheet(
     moment = np.concatenate((ends[:, :1], moment, ends[:, 1:]), axis=1)
     colours = np.tile(diverging_colours(moment / scales.moment_range_n_m), (1, 2, 1))
     log.once("cell/sheet", rr.Mesh3D.from_fields(triangle_indices=triangles))
-    log.rows("cell/sheet", rr.Mesh3D, vertex_positions=ribbon, vertex_colors=colours)
+    log.frames("cell/sheet", rr.Mesh3D, vertex_positions=ribbon, vertex_colors=colours)
 
 
 def _triangles(lines: int) -> NDArray[np.intp]:
@@ -245,7 +279,7 @@ def _log_wrench(log: RecordingLog, trace: Trace, side: str, sign: float, scales:
     look = rr.Arrows3D.from_fields(colors=[_FORCE_COLOUR, _MOMENT_COLOUR], radii=0.004)
     log.once(f"cell/wrench/{side}", look)
     vectors = np.stack((force, moment), axis=1)
-    log.rows(f"cell/wrench/{side}", rr.Arrows3D, origins=origins, vectors=vectors)
+    log.frames(f"cell/wrench/{side}", rr.Arrows3D, origins=origins, vectors=vectors)
 
 
 def _log_grip(log: RecordingLog, trace: Trace, side: str, sign: float) -> None:
@@ -270,7 +304,7 @@ def _log_carried_grip(
     trace = result.trace
     place, quaternion = _sites(result.model, motion, [f"{side}_{GRIP_SITE}"])
     log.once(f"cell/grip/{side}_actual", rr.TransformAxes3D(0.03))
-    log.rows(
+    log.frames(
         f"cell/grip/{side}_actual",
         rr.Transform3D,
         translation=place[:, 0].round(_DECIMALS),
@@ -283,7 +317,7 @@ def _log_carried_grip(
     x, z, alpha = (trace[f"{side}_command_{axis}"] for axis in ("x", "z", "alpha"))
     path, turn = _carry(sent, (x, z, alpha), sign)
     log.once(f"cell/grip/{side}_commanded", rr.TransformAxes3D(0.045))
-    log.rows(f"cell/grip/{side}_commanded", rr.Transform3D, translation=path, quaternion=turn)
+    log.frames(f"cell/grip/{side}_commanded", rr.Transform3D, translation=path, quaternion=turn)
     strips = [strip[np.isfinite(strip).all(axis=1)] for strip in (line, path)]
     drawn = rr.LineStrips3D(strips, colors=[NOMINAL_COLOUR, _COMMAND_COLOUR], radii=0.001)
     log.once(f"cell/path/{side}", drawn)
@@ -324,4 +358,4 @@ def _log_frame(
     c, s, none = np.cos(alpha / 2), np.sin(alpha / 2), np.zeros_like(alpha)
     turn = np.stack((none, s, none, c) if sign > 0 else (-s, none, c, none), axis=1)
     log.once(entity, rr.TransformAxes3D(length_m))
-    log.rows(entity, rr.Transform3D, translation=place.round(_DECIMALS), quaternion=turn)
+    log.frames(entity, rr.Transform3D, translation=place.round(_DECIMALS), quaternion=turn)
