@@ -65,7 +65,7 @@ def write_recording(result: RunResult, path: Path, notes: Notes | None = None) -
         log_run(log, result)
         if notes is not None:
             log_predicted(log, notes)
-        log_end(log, result)
+        log_lanes(log, result)
     finally:
         stream.disconnect()
 
@@ -89,10 +89,17 @@ def row_times(trace: Trace) -> Times:
     return np.rint(1e9 * trace["time"]).astype("timedelta64[ns]")
 
 
-def log_texts(log: RecordingLog, result: RunResult, scales: Scales, notes: Notes | None) -> None:
+def log_texts(
+    log: RecordingLog,
+    result: RunResult,
+    scales: Scales,
+    notes: Notes | None,
+    *,
+    ended: bool = True,
+) -> None:
     """Log the guide, the outcome with its metrics, and the scenario."""
     log.stream.send_recording_name(f"{result.scenario.name}, seed {result.scenario.seed}")
-    markdown = {"guide": guide(result, scales), "outcome": story(result, notes)}
+    markdown = {"guide": guide(result, scales), "outcome": story(result, notes, ended=ended)}
     for entity, text in markdown.items():
         log.replace(entity, rr.TextDocument(text, media_type="text/markdown"))
     log.replace("scenario", rr.TextDocument(result.scenario.to_toml()))
@@ -119,9 +126,9 @@ def log_predicted(log: RecordingLog, notes: Notes) -> None:
     log.broken_line("moment/predicted", series, every=FRAME_CYCLES)
 
 
-def log_end(log: RecordingLog, result: RunResult) -> None:
-    """Log the lanes, which have an end."""
-    if result.scenario.assembly is not None:
+def log_lanes(log: RecordingLog, result: RunResult) -> None:
+    """Log the lanes: phases, sheets of a book, and at the end of the run how it ended."""
+    if result.scenario.assembly is not None and log.ended:
         log_sheet_lane(log, result)
     _log_phases(log, result)
 
@@ -204,13 +211,17 @@ def _log_phases(log: RecordingLog, result: RunResult) -> None:
     else:
         names = states(result)
         colours = state_colours(names) | _OUTCOME_COLOURS | {"aborted": 0xFFB300FF}
-    starts = [row for row in range(len(names)) if row == 0 or names[row] != names[row - 1]]
+    starts = [
+        row for row in range(log.done, len(names)) if row == 0 or names[row] != names[row - 1]
+    ]
     end_s = COMMAND_PERIOD_S * len(names)
     ends_ns = [round(1e9 * t) for t in (end_s, end_s + max(_LANE * end_s, COMMAND_PERIOD_S))]
-    times = np.append(log.times[starts], np.array(ends_ns, dtype="timedelta64[ns]"))
-    shown = [*(names[row] for row in starts), words(result.outcome), ""]
+    times, shown = log.times[starts], [names[row] for row in starts]
+    if log.ended:
+        times = np.append(times, np.array(ends_ns, dtype="timedelta64[ns]"))
+        shown += [words(result.outcome), ""]
     look = rr.StateConfiguration(
         values=list(colours), colors=np.array([*colours.values()], dtype=np.uint32)
     )
-    log.once("phase", look)
+    log.replace("phase", look)
     log.send("phase", times, rr.StateChange.columns(state=shown))

@@ -105,12 +105,14 @@ def log_laid(
     log: RecordingLog, result: RunResult, ribbon: Vector, triangles: NDArray[np.intp]
 ) -> None:
     """Log each laid sheet once, when it is left; ``ribbon`` is the moving one's vertices."""
-    for number, row in enumerate(supply_rows(result)):
+    rows = supply_rows(result)
+    for row in rows[rows >= log.done].tolist():
+        entity = f"cell/laid/{int(result.trace['sheet'][row])}"
         look = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=_LAID_COLOUR)
-        log.once(f"cell/laid/{number + 1}", look)
+        log.replace(entity, look)
         vertices = rr.Mesh3D.columns(vertex_positions=ribbon[row - 1])
         left = vertices.partition([len(ribbon[row - 1])])
-        log.send(f"cell/laid/{number + 1}", log.times[row : row + 1], left)
+        log.send(entity, log.times[row : row + 1], left)
 
 
 def carried(trace: Trace, place: Vector, delay_cycles: int) -> Vector:

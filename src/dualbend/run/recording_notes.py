@@ -73,16 +73,15 @@ def guide(result: RunResult, scales: Scales) -> str:
     )
 
 
-def story(result: RunResult, notes: Notes | None) -> str:
+def story(result: RunResult, notes: Notes | None, *, ended: bool = True) -> str:
     """Return how the run ended and its metrics, in Markdown."""
     scenario = result.scenario
     reason = [f"**{result.reason}**\n"] if result.reason else []
-    lines = [
-        f"## {scenario.name}: {words(result.outcome)}",
-        *reason,
-        scenario.description,
-        f"\n{result.simulated_s:.3f} s in {result.trace.rows} cycles, seed {scenario.seed}\n",
-    ]
+    how = words(result.outcome) if ended else "running"
+    lines = [f"## {scenario.name}: {how}", *reason, scenario.description]
+    if ended:
+        cycles = f"{result.simulated_s:.3f} s in {result.trace.rows} cycles"
+        lines.append(f"\n{cycles}, seed {scenario.seed}\n")
     if notes is not None:
         rows = [row for k, (v, unit) in notes.metrics.items() for row in _rows(k, v, unit)]
         lines += ["| metric | value |", "|---|---:|", *rows]
