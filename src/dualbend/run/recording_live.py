@@ -13,6 +13,7 @@ import shutil
 import socket
 import sysconfig
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -42,7 +43,10 @@ SPAWN = "spawn"
 """In place of an address: a viewer of our own."""
 
 UPDATE_S = 0.25
-"""Time on the clock between two updates of the viewer."""
+"""Time on the clock between two updates of the viewer, at least."""
+
+_SHARE = 0.05
+"""Part of one processor that updates may take: a slow machine gets fewer."""
 
 _DEFAULT_PORT = 9876
 _ADDRESS = re.compile(r"rerun(?:\+https?)?://(\[[^\]/]+\]|[^:/]+)(?::(\d+))?/proxy")
@@ -162,8 +166,11 @@ class LiveRecording:
         farewell.join(2.0 * _FAREWELL_S)
 
     def _follow(self) -> None:
-        while self.problem is None and not self._stop.wait(UPDATE_S):
+        pause = UPDATE_S
+        while self.problem is None and not self._stop.wait(pause):
+            before = time.thread_time()
             self._guarded(self._update)
+            pause = max(UPDATE_S, (time.thread_time() - before) / _SHARE)
 
     def _guarded(self, work: Callable[[], None]) -> None:
         try:
