@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -426,3 +427,21 @@ def test_metrics_have_a_row_each_with_their_unit(recorded: Recorded, notes: Note
 def test_a_path_that_cannot_be_written_is_refused(result: RunResult, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="missing"):
         write_recording(result, tmp_path / "missing" / "run.rrd")
+
+
+def test_the_example_of_the_page_reads_the_peak(
+    result: RunResult,
+    path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    page = Path(__file__).parents[2] / "docs" / "recording.md"
+    (code,) = re.findall(
+        r"<!-- example: tested -->\n```python\n(.*?)```", page.read_text("utf-8"), re.S
+    )
+    monkeypatch.chdir(path.parent)
+    exec(compile(code, str(page), "exec"), {})
+    moment = result.trace["left_true_moment_y"]
+    peak = int(np.abs(moment).argmax())
+    expected = f"left true [N m]: {moment[peak]:.4f} at {0.028 * peak:.2f} s\n"
+    assert capsys.readouterr().out == expected
