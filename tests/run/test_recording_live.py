@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import rerun as rr
 from click.testing import CliRunner, Result
+from made_up_book import make_book
 from test_recording import SHORT
 
 from dualbend.cli import main
@@ -154,6 +155,19 @@ def test_what_is_streamed_in_pieces_is_what_is_streamed_at_once(
     assert poses["once"].keys() == poses["pieces"].keys()
     for entity, values in poses["once"].items():
         assert values == poses["pieces"][entity], entity  # exact: the same numbers
+
+
+def test_a_laid_sheet_of_a_book_is_streamed_once(viewer: Viewer, tmp_path: Path) -> None:
+    run, result = make_book()
+    run.trace, path = result.trace, tmp_path / "book.rrd"
+    live = LiveRecording(run, viewer.address, path)  # not entered: no thread
+    for rows in range(5, result.trace.rows, 9):
+        live.note(rows)
+        live._update()
+    live.end(result, None)
+    assert live.problem is None
+    assert rows_in(path, "/cell/laid/1") == 1  # exact
+    assert rows_in(path, "/pin_force") == result.trace.rows
 
 
 def test_a_viewer_that_dies_does_not_end_the_run(
