@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dualbend.analysis.figures import plot_moment
 from dualbend.analysis.metrics import summary
 from dualbend.run import output
 from dualbend.run.runner import RunResult
+
+if TYPE_CHECKING:
+    from dualbend.run.recording_notes import Notes
 
 
 def write_results(
@@ -19,6 +22,7 @@ def write_results(
     *,
     record: bool = True,
     numbers: dict[str, Any] | None = None,
+    notes: Notes | None = None,
 ) -> list[str]:
     """Write scenario, trace, summary, picture and recording; return what could not be.
 
@@ -30,8 +34,9 @@ def write_results(
         Made where it is not there.
     record
         Write ``run.rrd``.
-    numbers
-        What :func:`~dualbend.analysis.metrics.summary` returned, where it is known already.
+    numbers, notes
+        What :func:`~dualbend.analysis.metrics.summary` and
+        :func:`~dualbend.analysis.recording_notes.notes_of` returned, where that is known already.
 
     Raises
     ------
@@ -49,9 +54,13 @@ def write_results(
         "moment.png": partial(plot_moment, result),
     }
     if record:
-        from dualbend.run.recording import write_recording  # noqa: PLC0415 - half a second
+        # Here, because rerun takes half a second to import.
+        from dualbend.analysis.recording_notes import notes_of  # noqa: PLC0415
+        from dualbend.run.recording import write_recording  # noqa: PLC0415
 
-        writers["run.rrd"] = partial(write_recording, result)
+        notes = notes_of(result) if notes is None else notes
+        # Small and with its index, in place of what was streamed.
+        writers["run.rrd"] = partial(write_recording, result, notes=notes)
     failures = []
     for name, write in writers.items():
         try:

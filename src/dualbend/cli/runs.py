@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,13 +20,15 @@ from dualbend.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from dualbend.run.runner import RunResult
+    from dualbend.run.recording_live import LiveRecording
+    from dualbend.run.runner import Run, RunResult
 
 
 @click.command(
     epilog=examples(
         "dualbend run fig8 --out runs/fig8 --set alter.delay_cycles=3",
         "dualbend run mine.toml --seed 2 --no-record",
+        "dualbend run pwb --view",
     )
 )
 @click.argument("scenario", required=False, shell_complete=complete_scenarios)
@@ -33,12 +36,21 @@ if TYPE_CHECKING:
 @SETTINGS
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")
 @click.option("--record/--no-record", default=True, help="Write run.rrd for the rerun viewer.")
+@click.option(
+    "--view",
+    "address",
+    is_flag=False,
+    flag_value="spawn",
+    metavar="[ADDRESS]",
+    help="Show the run in rerun's viewer while it goes on; rerun+http://HOST:PORT/proxy names one.",
+)
 def run(
     scenario: str | None,
     out: Path | None,
     settings: tuple[str, ...],
     seed: int | None,
     record: bool,
+    address: str | None,
 ) -> None:
     """Run a scenario and leave its results in a folder.
 
@@ -56,6 +68,7 @@ def run(
     folder = out if out is not None else Path("runs") / loaded.name
     prepare_folder(folder)
     ready = make_run(loaded)
+    live = nullcontext() if address is None else _live(ready, address, folder, record=record)
     prediction = predict(loaded)
     if prediction.rows:
         warning = "" if prediction.verdict == "stable" else "warning: "
@@ -72,21 +85,45 @@ def run(
             hidden=not sys.stderr.isatty(),
         ) as bar,
         trace_kept(ready, folder) as keep,
+        live as picture,
     ):
 
-        def step(_: int) -> None:
+        def step(cycles: int) -> None:
             bar.update(1)
             keep()
+            if picture is not None:
+                picture.note(cycles)
 
         result = ready.run(on_cycle=step)
         with uninterrupted():
-            failures = _write(result, folder, record)
+            failures = _write(result, folder, record, picture)
     for failure in failures:
         click.echo(f"dualbend: {failure}", err=True)
     if failures:
         sys.exit(EXIT_BAD_INPUT)
     if not result.expected:
         sys.exit(EXIT_UNEXPECTED)
+
+
+def _live(
+    ready: Run, address: str, folder: Path, *, record: bool
+) -> AbstractContextManager[LiveRecording]:
+    """Return the live picture of a run in a viewer that answers."""
+    from dualbend.errors import InputError
+    from dualbend.run.recording_live import LiveRecording, check_viewer
+
+    viewer = check_viewer(address, screen=_has_screen())
+    path = folder / "run.rrd" if record else None
+    try:
+        return LiveRecording(ready, viewer, path)
+    except OSError as error:
+        raise InputError(f"--out {folder}: run.rrd: {error.strerror or error}") from error
+
+
+def _has_screen() -> bool:
+    return sys.platform != "linux" or bool(
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )
 
 
 def _any_given() -> bool:
@@ -107,17 +144,31 @@ def _which_scenario(*, asked: bool) -> None:
     click.echo("\nRun one, for example: dualbend run fig8 --out runs/fig8")
 
 
-def _write(result: RunResult, folder: Path, record: bool) -> list[str]:
+def _write(
+    result: RunResult, folder: Path, record: bool, picture: LiveRecording | None
+) -> list[str]:
     """Write everything that a run leaves and print what matters; return what could not be."""
     from dualbend.analysis.metrics import summary
     from dualbend.analysis.results import write_results
 
     numbers = summary(result)
-    failures = write_results(result, folder, record=record, numbers=numbers)
+    notes = None
+    if picture is not None:
+        from dualbend.analysis.recording_notes import notes_of
+
+        notes = notes_of(result)
+        picture.end(result, notes)
+        if picture.problem is not None:
+            click.echo(f"dualbend: --view: the picture ended: {picture.problem}", err=True)
+    failures = write_results(result, folder, record=record, numbers=numbers, notes=notes)
     ended = f" ({result.reason})" if result.reason else ""
     click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
     for name, metric in numbers["metrics"].items():
         click.echo(f"  {name:<26}{shown(metric['value']):>12}  {metric['unit']}")
+    if record and result.simulated_s > 0.0 and (folder / "run.rrd").is_file():
+        size = (folder / "run.rrd").stat().st_size / 1e6
+        per_minute = 60.0 * size / result.simulated_s
+        click.echo(f"run.rrd: {size:.2f} MB, {per_minute:.2f} MB per simulated minute")
     click.echo(f"results in {folder}")
     return failures
 
@@ -181,9 +232,7 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
     from dualbend.run.make import make_run
     from dualbend.run.scenario import load_scenario
 
-    if sys.platform == "linux" and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
+    if not _has_screen():
         raise InputError("view needs a screen; without one, dualbend run writes run.rrd instead")
     from dualbend.run.viewer import run_in_viewer
 

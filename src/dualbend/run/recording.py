@@ -14,14 +14,16 @@ import rerun as rr
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.run.recording_assembly import log_contact, log_sheet_lane, state_colours, states
 from dualbend.run.recording_layout import layout
-from dualbend.run.recording_log import Colour, RecordingLog, Vector
+from dualbend.run.recording_log import FRAME_CYCLES, Colour, RecordingLog, Times, Vector
+from dualbend.run.recording_notes import Notes, guide, story, words
 from dualbend.run.recording_scales import Scales
-from dualbend.run.recording_scene import NOMINAL_COLOUR, log_scene
+from dualbend.run.recording_scene import NOMINAL_COLOUR, log_paths, log_scene
 from dualbend.run.runner import RunResult
 from dualbend.run.trace import Trace
 from dualbend.scene.cell import SIDES
 
 _WHITE, _CREAM, _BLUE, _ORANGE = [240, 240, 240], [255, 220, 150], [70, 180, 255], [255, 165, 60]
+_PREDICTED_COLOUR = [105, 240, 174]
 _SIDE_COLOURS = {"left": (_BLUE, [60, 110, 150]), "right": (_ORANGE, [150, 105, 55])}
 _STATE_COLOURS = {
     "settle": 0x78909CFF,
@@ -34,23 +36,17 @@ _OUTCOME_COLOURS = {
     "failed": 0xEF5350FF,
 }
 
-_ASSEMBLY_LEGEND = (
-    '* phases: "lower 2" is the second attempt to lower',
-    "* brass: the pins; dark discs with a white rim: the sheet's holes; pale: sheets laid before",
-    "* a hole is on its pin where its offset is within half the clearance and its height is that "
-    "of the sheets below",
-)
-
 _LANE = 0.1
 """Length of the outcome in the lane of phases, over that of the run."""
 
 
-def write_recording(result: RunResult, path: Path) -> None:
+def write_recording(result: RunResult, path: Path, notes: Notes | None = None) -> None:
     """Write the run to ``path`` (``.rrd``), with the layout in which the viewer opens it.
 
-    The scene is under ``/cell`` (world frame, metres), the series under ``/moment``, ``/force``,
-    ``/deviation``, ``/angle``, ``/ik`` and ``/torque``, units in their names; ``/phase`` is a lane
-    of states, ``/outcome`` and ``/scenario`` are texts. Two recordings of one run hold equal data,
+    The scene is under ``/cell`` (world frame, metres, every 84 ms), the series under ``/moment``,
+    ``/force``, ``/path``, ``/deviation``, ``/angle``, ``/ik`` and ``/torque``, units in their
+    names; ``/phase`` is a lane of states, ``/guide``, ``/outcome`` and ``/scenario`` are texts.
+    ``notes`` add metrics and the predicted moment. Two recordings of one run hold equal data,
     although their bytes differ. Cells that an early end left unfinished are left out.
 
     Raises
@@ -58,34 +54,82 @@ def write_recording(result: RunResult, path: Path) -> None:
     OSError
         ``path`` cannot be written.
     """
-    name = f"{result.scenario.name}, seed {result.scenario.seed}"
-    toml = result.scenario.to_toml()
-    # Two runs of one name with other settings are two recordings, not one with doubled data.
-    digest = hashlib.sha256(toml.encode()).hexdigest()[:8]
     path.write_bytes(b"")  # refuses a bad path; rerun itself would only warn
-    stream = rr.RecordingStream("dualbend", recording_id=f"{name}, {digest}", send_properties=False)
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
+    stream = open_stream(result)
     stream.save(path, default_blueprint=layout(result))
     try:
-        stream.send_recording_name(name)
-        times = np.rint(1e9 * result.trace["time"]).astype("timedelta64[ns]")
-        log, scales = RecordingLog(stream, times), Scales.of(result)
-        log.once("scenario", rr.TextDocument(toml))
-        log.once("outcome", rr.TextDocument(_story(result, scales), media_type="text/markdown"))
+        log, scales = RecordingLog(stream, row_times(result.trace)), Scales.of(result)
+        log_texts(log, result, scales, notes)
         log_scene(log, result, scales)
-        for quantity, column, unit in (("moment", "moment_y", "N m"), ("force", "force_x", "N")):
-            _log_wrench(log, result, quantity, column, unit)
-        _log_angles(log, result.trace)
-        if result.scenario.assembly is None:
-            _log_deviations(log, result.trace)
-        else:
-            log_contact(log, result.trace)
-            log_sheet_lane(log, result)
-        _log_joints(log, result.trace)
-        _log_phases(log, result)
+        log_run(log, result)
+        if notes is not None:
+            log_predicted(log, notes)
+        log_lanes(log, result)
     finally:
         stream.disconnect()
+
+
+def open_stream(result: RunResult, kind: str = "") -> rr.RecordingStream:
+    """Return a stream for the run; one of another ``kind`` is another recording."""
+    scenario = result.scenario
+    name = f"{scenario.name}, seed {scenario.seed}"
+    # Two runs of one name with other settings are two recordings, not one with doubled data.
+    digest = hashlib.sha256(scenario.to_toml().encode()).hexdigest()[:8]
+    stream = rr.RecordingStream(
+        "dualbend", recording_id=f"{name}, {digest}{kind}", send_properties=False
+    )
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    return stream
+
+
+def row_times(trace: Trace) -> Times:
+    """Return the times of the rows (rows,) in whole nanoseconds."""
+    return np.rint(1e9 * trace["time"]).astype("timedelta64[ns]")
+
+
+def log_texts(
+    log: RecordingLog,
+    result: RunResult,
+    scales: Scales,
+    notes: Notes | None,
+    *,
+    ended: bool = True,
+) -> None:
+    """Log the guide, the outcome with its metrics, and the scenario."""
+    log.stream.send_recording_name(f"{result.scenario.name}, seed {result.scenario.seed}")
+    markdown = {"guide": guide(result, scales), "outcome": story(result, notes, ended=ended)}
+    for entity, text in markdown.items():
+        log.replace(entity, rr.TextDocument(text, media_type="text/markdown"))
+    log.replace("scenario", rr.TextDocument(result.scenario.to_toml()))
+
+
+def log_run(log: RecordingLog, result: RunResult) -> None:
+    """Log the paths in the scene and every plot; ``result`` holds the run from its start."""
+    log_paths(log, result)
+    for quantity, column, unit in (("moment", "moment_y", "N m"), ("force", "force_x", "N")):
+        _log_wrench(log, result, quantity, column, unit)
+    _log_angles(log, result.trace)
+    if result.scenario.assembly is None:
+        _log_path(log, result.trace)
+        _log_deviations(log, result.trace)
+    else:
+        log_contact(log, result.trace)
+    _log_joints(log, result.trace)
+
+
+def log_predicted(log: RecordingLog, notes: Notes) -> None:
+    """Log the moment that theory predicts for the left grip."""
+    name = "left predicted [N m]"
+    series = (name, notes.predicted_moment, _PREDICTED_COLOUR, 5.0)
+    log.broken_line("moment/predicted", series, every=FRAME_CYCLES)
+
+
+def log_lanes(log: RecordingLog, result: RunResult) -> None:
+    """Log the lanes: phases, sheets of a book, and at the end of the run how it ended."""
+    if result.scenario.assembly is not None and log.ended:
+        log_sheet_lane(log, result)
+    _log_phases(log, result)
 
 
 def _log_wrench(
@@ -118,6 +162,17 @@ def _log_angles(log: RecordingLog, trace: Trace) -> None:
     log.lines("angle", *angles)
 
 
+def _log_path(log: RecordingLog, trace: Trace) -> None:
+    """Log how far the grips are from the mid-plane: the path, as planned and as it became."""
+    series: list[tuple[str, Vector, Colour, float]] = []
+    series.append(("nominal [mm]", 1e3 * trace["nominal_half_distance"], NOMINAL_COLOUR, 1.5))
+    for side in SIDES:
+        bright, dull = _SIDE_COLOURS[side]
+        series.append((f"{side} commanded [mm]", -1e3 * trace[f"{side}_command_x"], dull, 1.0))
+        series.append((f"{side} grip [mm]", -1e3 * trace[f"{side}_grip_x"], bright, 1.5))
+    log.lines("path", *series, every=FRAME_CYCLES)
+
+
 def _log_deviations(log: RecordingLog, trace: Trace) -> None:
     """Log the deviations that each arm's compliance makes."""
     deviations: list[tuple[str, Vector, Colour, float]] = []
@@ -131,16 +186,16 @@ def _log_deviations(log: RecordingLog, trace: Trace) -> None:
 
 def _log_joints(log: RecordingLog, trace: Trace) -> None:
     """Log joint torques and what the inverse kinematics left over."""
-    for side in SIDES:
-        joints = [name.removeprefix(f"{side}_") for name in trace.joints if name.startswith(side)]
-        torques = np.stack([trace[f"{side}_torque_{joint}"] for joint in joints], axis=1)
-        names = [f"{side} joint {i} [N m]" for i in range(1, len(joints) + 1)]
-        log.once(f"torque/{side}", rr.SeriesLines(names=names))
-        log.rows(f"torque/{side}", rr.Scalars, scalars=torques)
+    columns = [f"{name.replace('_', '_torque_', 1)}" for name in trace.joints]
+    names = [f"{name.replace('_joint', ' joint ', 1)} [N m]" for name in trace.joints]
+    log.once("torque", rr.SeriesLines(names=names))
+    torques = np.stack([trace[column] for column in columns], axis=1)
+    log.rows("torque", rr.Scalars, FRAME_CYCLES, scalars=torques)
     log.lines(
         "ik",
         ("position [µm]", 1e6 * trace["ik_position"], _BLUE, 1.5),
         ("rotation [µrad]", 1e6 * trace["ik_rotation"], _ORANGE, 1.5),
+        every=FRAME_CYCLES,
     )
 
 
@@ -156,37 +211,17 @@ def _log_phases(log: RecordingLog, result: RunResult) -> None:
     else:
         names = states(result)
         colours = state_colours(names) | _OUTCOME_COLOURS | {"aborted": 0xFFB300FF}
-    starts = [row for row in range(len(names)) if row == 0 or names[row] != names[row - 1]]
+    starts = [
+        row for row in range(log.done, len(names)) if row == 0 or names[row] != names[row - 1]
+    ]
     end_s = COMMAND_PERIOD_S * len(names)
     ends_ns = [round(1e9 * t) for t in (end_s, end_s + max(_LANE * end_s, COMMAND_PERIOD_S))]
-    times = np.append(log.times[starts], np.array(ends_ns, dtype="timedelta64[ns]"))
-    shown = [*(names[row] for row in starts), _words(result.outcome), ""]
+    times, shown = log.times[starts], [names[row] for row in starts]
+    if log.ended:
+        times = np.append(times, np.array(ends_ns, dtype="timedelta64[ns]"))
+        shown += [words(result.outcome), ""]
     look = rr.StateConfiguration(
         values=list(colours), colors=np.array([*colours.values()], dtype=np.uint32)
     )
-    log.once("phase", look)
+    log.replace("phase", look)
     log.send("phase", times, rr.StateChange.columns(state=shown))
-
-
-def _words(outcome: str) -> str:
-    return outcome.replace("_", " ")
-
-
-def _story(result: RunResult, scales: Scales) -> str:
-    scenario, limit = result.scenario, f"{scales.moment_range_n_m:g}"
-    reason = [f"**{result.reason}**\n"] if result.reason else []
-    return "\n".join(
-        (
-            f"# {scenario.name}: {_words(result.outcome)}",
-            *reason,
-            scenario.description,
-            f"\n{result.simulated_s:.3f} s in {result.trace.rows} cycles, seed {scenario.seed}\n",
-            f"* sheet: bending moment, −{limit} N m blue, 0 grey, +{limit} N m red",
-            f"* yellow arrow: force of the sheet on the grip, {1e3 * scales.force_m_per_n:g} mm/N;"
-            " towards the grip it is a push",
-            f"* violet arrow: its moment about the grip, {scales.torque_m_per_n_m:g} mm/(N mm)",
-            "* axes at the grip: short as it is, long as commanded",
-            "* path of the grip: grey nominal, green commanded with compliance",
-            *(() if scenario.assembly is None else _ASSEMBLY_LEGEND),
-        )
-    )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.run.laid_sheets import supply_rows
-from dualbend.run.recording_log import Colour, RecordingLog, Vector
+from dualbend.run.recording_log import FRAME_CYCLES, Colour, RecordingLog, Vector
 from dualbend.run.runner import RunResult
 from dualbend.run.trace import Trace
 from dualbend.scene.bed import HOLES
@@ -93,7 +93,7 @@ def log_holes(log: RecordingLog, result: RunResult, place: Vector, quaternion: V
             ),
             rr.LineStrips3D([rim], colors=_RIM_COLOUR, radii=_RIM_M),
         )
-        log.rows(
+        log.frames(
             f"cell/hole/{hole}",
             rr.Transform3D,
             translation=place[:, i].round(6),
@@ -105,12 +105,14 @@ def log_laid(
     log: RecordingLog, result: RunResult, ribbon: Vector, triangles: NDArray[np.intp]
 ) -> None:
     """Log each laid sheet once, when it is left; ``ribbon`` is the moving one's vertices."""
-    for number, row in enumerate(supply_rows(result)):
+    rows = supply_rows(result)
+    for row in rows[rows >= log.done].tolist():
+        entity = f"cell/laid/{int(result.trace['sheet'][row])}"
         look = rr.Mesh3D.from_fields(triangle_indices=triangles, albedo_factor=_LAID_COLOUR)
-        log.once(f"cell/laid/{number + 1}", look)
+        log.replace(entity, look)
         vertices = rr.Mesh3D.columns(vertex_positions=ribbon[row - 1])
         left = vertices.partition([len(ribbon[row - 1])])
-        log.send(f"cell/laid/{number + 1}", log.times[row : row + 1], left)
+        log.send(entity, log.times[row : row + 1], left)
 
 
 def carried(trace: Trace, place: Vector, delay_cycles: int) -> Vector:
@@ -136,11 +138,15 @@ def log_contact(log: RecordingLog, trace: Trace) -> None:
         "pin_force",
         *((f"{text} [N]", trace[f"pin_force_{hole}"], colour, 1.5) for hole, text, colour in named),
     )
-    net = contact_force(trace)
-    look = {"names": [f"{a} [N]" for a in "xyz"], "colors": _AXIS_COLOURS, "widths": [1.5] * 3}
-    log.once("contact_force", rr.SeriesLines(**look))
-    # With its NaN: they are where the lines have gaps.
-    log.send("contact_force", log.times, rr.Scalars.columns(scalars=net))
+    axes = zip("xyz", contact_force(trace).T, _AXIS_COLOURS, strict=True)
+    log.broken_line("contact_force", *((f"{a} [N]", force, look, 1.5) for a, force, look in axes))
+    there = 1e3 * places(trace)
+    named_axes = zip("xyz", there.T[:3], _AXIS_COLOURS, strict=True)
+    log.lines(
+        "path",
+        *((f"{a} nominal [mm]", place, colour, 1.5) for a, place, colour in named_axes),
+        every=FRAME_CYCLES,
+    )
     log.lines(
         "object_deviation",
         ("x [mm]", 1e3 * trace["object_deviation_x"], _RED, 1.5),

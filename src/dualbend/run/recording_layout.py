@@ -7,22 +7,26 @@ import rerun.blueprint as rrb
 from dualbend.run.recording_log import TIMELINE
 from dualbend.run.runner import RunResult
 from dualbend.scene.bed import HOLES, LayoutConfig, hole_places
+from dualbend.scene.cell import SIDES
 
 _TITLES = {
-    "moment": "Moment about the bending axis, on the gripper",
-    "force": "Horizontal force on the gripper",
-    "deviation": "Deviation from the nominal path",
-    "angle": "Bending angle",
-    "ik": "IK residual",
-    "torque": "Joint torque",
+    "moment": "Moment about the bending axis, on the gripper [N m]",
+    "force": "Horizontal force on the gripper [N]",
+    "path": "Path: grip to mid-plane [mm]",
+    "deviation": "Deviation from the nominal path [mm, deg]",
+    "angle": "Bending angle [rad]",
+    "ik": "IK residual [µm, µrad]",
+    "torque": "Joint torque [N m]",
 }
 _ASSEMBLY_TITLES = {
-    "hole_offset": "Holes off their pins, horizontally",
-    "pin_force": "Force on the pins",
-    "object_deviation": "Deviation by compliance, of the whole sheet",
-    "contact_force": "Contact force on the sheet, as the arms feel it",
-    "hole_height": "Height of the holes above the bed",
-    **{key: title for key, title in _TITLES.items() if key != "deviation"},
+    "hole_offset": "Holes off their pins, horizontally [mm]",
+    "pin_force": "Force on the pins [N]",
+    "moment": _TITLES["moment"],
+    "path": "Path: place of the sheet [mm]",
+    "object_deviation": "Deviation by compliance, of the whole sheet [mm, deg]",
+    "contact_force": "Contact force on the sheet, as the arms feel it [N]",
+    "hole_height": "Height of the holes above the bed [mm]",
+    **{key: _TITLES[key] for key in ("force", "angle", "ik", "torque")},
 }
 _SIDE_BY_SIDE = 3
 """Plots that are seen at once; the others share a place as tabs."""
@@ -35,16 +39,17 @@ _UNCLUTTERED = ["+ $origin/**", "- $origin/wrench/**", "- $origin/grip/**", "- $
 
 def layout(result: RunResult) -> rrb.Blueprint:
     """Return the viewer's layout for the run: its views, shares, legends and time panel."""
-    texts = rrb.Tabs(
-        rrb.TextDocumentView(origin="outcome", name="Outcome"),
+    reading = rrb.TextDocumentView(origin="guide", name="How to read this")
+    results = rrb.Tabs(
+        rrb.TextDocumentView(origin="outcome", name="Outcome and metrics"),
         rrb.TextDocumentView(origin="scenario", name="Scenario"),
     )
     lane = rrb.StateTimelineView(origin="phase", name="Phase")
-    cell, sheet = _scenes(result)
+    cell, sheet, gripper = _scenes(result)
     if result.scenario.assembly is None:
         plots = _plots(result, _TITLES)
-        scenes = [cell, rrb.Horizontal(sheet, texts), lane]
-        shares = [5.0, 3.4, 1.0]
+        top, near = [cell, gripper], sheet
+        shares = [4.0, 3.6, 0.9]
     else:
         book = result.scenario.assembly.sheets > 1
         plots = _plots(result, _ASSEMBLY_TITLES)
@@ -53,9 +58,10 @@ def layout(result: RunResult) -> rrb.Blueprint:
         bed, *pins = _close_ups(result.scenario.assembly.layout)
         if book:
             lane = rrb.StateTimelineView(origin="/", contents=["phase", "sheet"], name="Phase")
-        near = rrb.Horizontal(rrb.Tabs(*pins, active_tab=0), texts, column_shares=[1.0, 1.0])
-        scenes = [rrb.Horizontal(cell, bed), near, lane]
-        shares = [4.2, 3.6, 1.6 if book else 1.0]
+        top, near = [cell, bed], rrb.Tabs(*pins, gripper, active_tab=0)
+        shares = [4.0, 3.6, 1.5 if book else 0.9]
+    texts = rrb.Horizontal(near, reading, results, column_shares=[1.0, 0.8, 0.9])
+    scenes = [rrb.Horizontal(*top, column_shares=[1.4, 1.0]), texts, lane]
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(*scenes, row_shares=shares),
@@ -83,14 +89,28 @@ def _plots(result: RunResult, titles: dict[str, str]) -> list[rrb.TimeSeriesView
 
 
 def _scenes(result: RunResult) -> list[rrb.Spatial3DView]:
-    """Return the views of the whole cell and of the sheet, from the front."""
+    """Return the views of the whole cell, of the sheet, and of a gripper that the eye follows."""
     height, length = result.scenario.cell.sheet_height_m, result.scenario.sheet.length_m
     return [
         _view("Cell", [0.0, -1.75, height + 0.4], [0.0, 0.0, height - 0.1]),
         _view(
             "Sheet", [0.0, -1.2 * length, height + 0.5 * length], [0.0, 0.0, height + 0.18 * length]
         ),
+        _gripper(result),
     ]
+
+
+def _gripper(result: RunResult) -> rrb.Spatial3DView:
+    """Return the close-up of the gripper that senses, from a camera that moves with it."""
+    side = next(side for side in SIDES if side in result.scenario.arms.sensing)
+    front = -1.0 if side == "left" else 1.0
+    return _view(
+        f"{side.capitalize()} gripper, close up",
+        [0.10, 0.26 * front, 0.13],
+        [0.02, 0.0, 0.0],
+        "/cell/**",
+        origin=f"cell/grip/{side}_actual",
+    )
 
 
 def _close_ups(workplace: LayoutConfig) -> list[rrb.Spatial3DView]:
@@ -106,11 +126,15 @@ def _close_ups(workplace: LayoutConfig) -> list[rrb.Spatial3DView]:
 
 
 def _view(
-    name: str, eye: list[float], target: list[float], contents: list[str] | None = None
+    name: str,
+    eye: list[float],
+    target: list[float],
+    contents: str | list[str] = "$origin/**",
+    origin: str = "cell",
 ) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
-        origin="cell",
-        contents="$origin/**" if contents is None else contents,
+        origin=origin,
+        contents=contents,
         name=name,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(position=eye, look_target=target, eye_up=[0, 0, 1]),

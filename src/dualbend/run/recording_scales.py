@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.beam import elastica
 from dualbend.run.recording_log import Vector
 from dualbend.run.runner import RunResult
+from dualbend.run.scenario import Scenario
 from dualbend.scene.cell import SIDES
 
 LONGEST_ARROW_M = 0.17
@@ -38,8 +40,24 @@ class Scales:
             for kind in ("force", "moment")
         )
         peak = result.bend_stiffness * np.abs(trace.bends).max(initial=1e-6)
+        return cls._round(peak, force, torque)
+
+    @classmethod
+    def expected(cls, scenario: Scenario) -> Scales:
+        """Return scales for a run that is still to come, from beam theory at its largest angle.
+
+        The force is twice P of (1), for a flat sheet pulls; the moment on a grip, zero on the exact
+        path, is taken as a fifth of that in the sheet's middle.
+        """
+        sheet, alpha = scenario.sheet.sheet(), scenario.path.end_rad
+        middle = sheet.bending_stiffness_nm2 * elastica.curvature_max(alpha, sheet.length_m)
+        force = elastica.end_force(alpha, sheet.bending_stiffness_nm2, sheet.length_m)
+        return cls._round(middle, 2.0 * force, 0.2 * middle)
+
+    @classmethod
+    def _round(cls, moment: float, force: float, torque: float) -> Scales:
         return cls(
-            moment_range_n_m=float(_NICE[0.999 * peak <= _NICE].min()),
+            moment_range_n_m=float(_NICE[0.999 * moment <= _NICE].min()),
             force_m_per_n=float(_NICE[LONGEST_ARROW_M / force >= _NICE].max()),
             torque_m_per_n_m=float(_NICE[LONGEST_ARROW_M / torque >= _NICE].max()),
         )

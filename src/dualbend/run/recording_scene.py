@@ -1,10 +1,11 @@
 """The recording's scene in 3D: arms and tools, the sheet and its moment, grips and wrenches.
 
-Shapes are logged once a body; a cycle adds only the poses of what moves against its parent body.
+Shapes are logged once a body; a frame adds only the poses of what moves against its parent body.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dualbend.run.recording_assembly import carried, log_holes, log_laid, places
-from dualbend.run.recording_log import RecordingLog, Vector
+from dualbend.run.recording_log import FRAME_CYCLES, RecordingLog, Vector
 from dualbend.run.recording_scales import Scales, diverging_colours
 from dualbend.run.runner import RunResult
 from dualbend.run.trace import Trace
@@ -40,6 +41,8 @@ CLEAR_OF_JAWS_M = (0.025, 0.0, 0.015)
 """From the grip to the force's arrow, towards the other arm and up: jaws and sheet hide less."""
 
 _VISUAL_GROUP = 2
+
+_NONE: Mapping[int, tuple[Vector, Rotation]] = {}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,9 +72,12 @@ def log_scene(log: RecordingLog, result: RunResult, scales: Scales) -> None:
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         _log_wrench(log, result.trace, side, sign, scales)
         if assembly:
-            _log_carried_grip(log, result, motion, side, sign)
+            place, turn = _sites(result.model, motion, [f"{side}_{GRIP_SITE}"])
+            _log_axes(log, f"cell/grip/{side}_actual", 0.03, place[:, 0], turn[:, 0])
         else:
             _log_grip(log, result.trace, side, sign)
+        _, (path, turned) = _ways(result, side, sign)
+        _log_axes(log, f"cell/grip/{side}_commanded", 0.045, path, turned)
     if assembly:
         _log_workplace(log, result.model)
         log_holes(log, result, *_sites(result.model, motion, [f"hole_{hole}" for hole in HOLES]))
@@ -96,13 +102,54 @@ def _log_robots(log: RecordingLog, model: mujoco.MjModel, motion: _Motion) -> No
         half_sizes=[1.5, 0.9, 0.01], centers=[0, 0, -0.011], colors=[74, 78, 84], fill_mode="solid"
     )
     log.once("cell/floor", floor)
-    entity = {0: "cell"}
-    for body in range(1, model.nbody):
-        name, parent = model.body(body).name, int(model.body_parentid[body])
-        shapes = _shapes(model, body)
-        if shapes and name.startswith(SIDES):
-            entity[body] = f"{entity[parent]}/{name}"
+    entity, carrier = {0: "cell"}, _carriers(log, model, motion)
+    for body in np.flatnonzero(carrier == np.arange(model.nbody)).tolist():
+        name, parent = model.body(body).name, int(carrier[model.body_parentid[body]])
+        fixed = [i for i in np.flatnonzero(carrier == body).tolist() if i != body]
+        shapes = _shapes(model, body, {i: _fixed_pose(model, motion, i, body) for i in fixed})
+        if shapes and body and name.startswith(SIDES):
+            # Below its base a body is called link1, not left_link1: paths are most of an index.
+            short = name.removeprefix("left_").removeprefix("right_")
+            entity[body] = f"{entity[parent]}/{name if parent == 0 else short}"
             _log_body(log, entity[body], shapes, *_rows_of_pose(motion, body, parent))
+
+
+def _carriers(log: RecordingLog, model: mujoco.MjModel, motion: _Motion) -> NDArray[np.intp]:
+    """Return the body whose entity shows each body (bodies,): fewer entities, a smaller file.
+
+    What is screwed to a robot's link, or rests on it in the whole run, is shown with it; a body
+    with a mesh, and what stands on the floor, is its own.
+    """
+    meshes = model.geom_bodyid[model.geom_type == mujoco.mjtGeom.mjGEOM_MESH]
+    carrier: NDArray[np.intp] = np.arange(model.nbody)
+    for body in range(1, model.nbody):
+        parent = int(model.body_parentid[body])
+        if parent == 0 or body in meshes or not model.body(body).name.startswith(SIDES):
+            continue
+        screwed = not model.body_dofnum[body]
+        if screwed or (not log.live and _rests(*_rows_of_pose(motion, body, parent))):
+            carrier[body] = carrier[parent]
+    return carrier
+
+
+def _rests(place: Vector, quaternion: Vector) -> bool:
+    both = np.concatenate((place, quaternion), axis=1)
+    return len(both) > 0 and bool(np.ptp(both, axis=0).max() <= _STILL)
+
+
+def _fixed_pose(
+    model: mujoco.MjModel, motion: _Motion, body: int, carrier: int
+) -> tuple[Vector, Rotation]:
+    """Return place (3,) and orientation of a body that rests on its carrier."""
+    if len(motion.place):
+        place, quaternion = _rows_of_pose(motion, body, carrier)
+        return place[0], Rotation.from_quat(quaternion[0])
+    place, turn = np.zeros(3), Rotation.identity()
+    while body != carrier:
+        own = Rotation.from_quat(model.body_quat[body], scalar_first=True)
+        place, turn = model.body_pos[body] + own.apply(place), own * turn
+        body = int(model.body_parentid[body])
+    return place, turn
 
 
 def _log_workplace(log: RecordingLog, model: mujoco.MjModel) -> None:
@@ -121,30 +168,31 @@ def _rows_of_pose(motion: _Motion, body: int, parent: int) -> tuple[Vector, Vect
     )
     back = base.inv()
     place = back.apply(motion.place[:, body] - motion.place[:, parent])
-    return place.round(_DECIMALS), (back * turn).as_quat(canonical=True)
+    return place.round(_DECIMALS), (back * turn).as_quat(canonical=True).round(_DECIMALS)
 
 
 def _log_body(
     log: RecordingLog, entity: str, shapes: list[Any], place: Vector, quaternion: Vector
 ) -> None:
     """Log a body's shapes and its pose in its parent body, the pose only once where it rests."""
-    both = np.concatenate((place, quaternion), axis=1)
-    if len(both) and np.ptp(both, axis=0).max() <= _STILL:
+    if not log.live and _rests(place, quaternion):
         turned = rr.Quaternion(xyzw=quaternion[0])
         log.once(entity, *shapes, rr.Transform3D(translation=place[0], quaternion=turned))
     else:
         log.once(entity, *shapes)
-        log.rows(entity, rr.Transform3D, translation=place, quaternion=quaternion)
+        log.frames(entity, rr.Transform3D, translation=place, quaternion=quaternion)
 
 
-def _shapes(model: mujoco.MjModel, body: int) -> list[Any]:
-    """Return the visual shapes of one body, one archetype a kind."""
-    mine = (model.geom_bodyid == body) & (model.geom_group == _VISUAL_GROUP)
+def _shapes(
+    model: mujoco.MjModel, body: int, fixed: Mapping[int, tuple[Vector, Rotation]] = _NONE
+) -> list[Any]:
+    """Return the visual shapes of one body and of those fixed to it, one archetype a kind."""
+    mine = np.isin(model.geom_bodyid, (body, *fixed)) & (model.geom_group == _VISUAL_GROUP)
     shapes = []
     for kind in np.unique(model.geom_type[mine]):
         which = np.flatnonzero(mine & (model.geom_type == kind))
-        size, place = model.geom_size[which], model.geom_pos[which]
-        quaternion, material = model.geom_quat[which][:, [1, 2, 3, 0]], model.geom_matid[which]
+        size, material = model.geom_size[which], model.geom_matid[which]
+        place, quaternion = _poses_of_geoms(model, which, fixed)
         plain = material[:, None] < 0
         rgba = np.where(plain, model.geom_rgba[which], model.mat_rgba[material])
         look = {"quaternions": quaternion, "colors": rgba, "fill_mode": "solid"}
@@ -168,6 +216,21 @@ def _shapes(model: mujoco.MjModel, body: int) -> list[Any]:
             case other:
                 raise NotImplementedError(f"a visual geom of type {other.name} in the recording")
     return shapes
+
+
+def _poses_of_geoms(
+    model: mujoco.MjModel,
+    geoms: NDArray[np.intp],
+    fixed: Mapping[int, tuple[Vector, Rotation]],
+) -> tuple[Vector, Vector]:
+    """Return places (n, 3) and orientations (n, 4; w last), of a fixed body's in its carrier."""
+    place, quaternion = model.geom_pos[geoms].copy(), model.geom_quat[geoms][:, [1, 2, 3, 0]]
+    for i, body in enumerate(model.geom_bodyid[geoms].tolist()):
+        if body in fixed:
+            origin, turn = fixed[body]
+            place[i] = origin + turn.apply(place[i])
+            quaternion[i] = (turn * Rotation.from_quat(quaternion[i])).as_quat(canonical=True)
+    return place, quaternion
 
 
 def _mesh(model: mujoco.MjModel, geom: int, rgba: Vector) -> rr.Mesh3D:
@@ -199,7 +262,7 @@ def _log_sheet(
     moment = np.concatenate((ends[:, :1], moment, ends[:, 1:]), axis=1)
     colours = np.tile(diverging_colours(moment / scales.moment_range_n_m), (1, 2, 1))
     log.once("cell/sheet", rr.Mesh3D.from_fields(triangle_indices=triangles))
-    log.rows("cell/sheet", rr.Mesh3D, vertex_positions=ribbon, vertex_colors=colours)
+    log.frames("cell/sheet", rr.Mesh3D, vertex_positions=ribbon, vertex_colors=colours)
 
 
 def _triangles(lines: int) -> NDArray[np.intp]:
@@ -245,48 +308,49 @@ def _log_wrench(log: RecordingLog, trace: Trace, side: str, sign: float, scales:
     look = rr.Arrows3D.from_fields(colors=[_FORCE_COLOUR, _MOMENT_COLOUR], radii=0.004)
     log.once(f"cell/wrench/{side}", look)
     vectors = np.stack((force, moment), axis=1)
-    log.rows(f"cell/wrench/{side}", rr.Arrows3D, origins=origins, vectors=vectors)
+    log.frames(f"cell/wrench/{side}", rr.Arrows3D, origins=origins, vectors=vectors)
+
+
+def log_paths(log: RecordingLog, result: RunResult) -> None:
+    """Log the nominal and commanded paths of the grips as they are so far, a point a frame."""
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        (nominal, _), (commanded, _) = _ways(result, side, sign)
+        lines = [line[::FRAME_CYCLES] for line in (nominal, commanded)]
+        strips = [line[np.isfinite(line).all(axis=1)] for line in lines]
+        drawn = rr.LineStrips3D(strips, colors=[NOMINAL_COLOUR, _COMMAND_COLOUR], radii=0.001)
+        log.replace(f"cell/path/{side}", drawn)
+
+
+def _ways(
+    result: RunResult, side: str, sign: float
+) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
+    """Return places (rows, 3) and orientations (rows, 4) of a grip, nominal and as commanded."""
+    trace = result.trace
+    x, z, alpha = (trace[f"{side}_command_{axis}"] for axis in ("x", "z", "alpha"))
+    if result.scenario.assembly is None:
+        there = sent = np.zeros((trace.rows, 4))
+    else:
+        there = places(trace)
+        sent = carried(trace, there, result.scenario.alter.delay_cycles)
+    height = trace["nominal_z"] - there[:, 2]
+    nominal = (-trace["nominal_half_distance"], height, trace["nominal_alpha"])
+    return _carry(there, nominal, sign), _carry(sent, (x, z, alpha), sign)
 
 
 def _log_grip(log: RecordingLog, trace: Trace, side: str, sign: float) -> None:
-    """Log where a grip is, where it should be, and the nominal and commanded paths."""
-    still, to_world = np.zeros(trace.rows), np.array([sign, sign, 1.0])
+    """Log where a grip is; its planar state is a frame turned by R_y(α), right by R_z(π) R_y(α)."""
     grip = _in_world(trace, (f"{side}_grip_x", f"{side}_grip_y", f"{side}_grip_z"), sign)
-    nominal = (-trace["nominal_half_distance"], still, trace["nominal_z"])
-    command = (trace[f"{side}_command_x"], still, trace[f"{side}_command_z"])
-    lines = [np.stack(xyz, axis=1) * to_world for xyz in (nominal, command)]
-    _log_frame(log, f"cell/grip/{side}_actual", 0.03, grip, trace[f"{side}_grip_alpha"], sign)
-    angle = trace[f"{side}_command_alpha"]
-    _log_frame(log, f"cell/grip/{side}_commanded", 0.045, lines[1], angle, sign)
-    strips = [line[np.isfinite(line).all(axis=1)] for line in lines]
-    drawn = rr.LineStrips3D(strips, colors=[NOMINAL_COLOUR, _COMMAND_COLOUR], radii=0.001)
-    log.once(f"cell/path/{side}", drawn)
+    flat = np.zeros((trace.rows, 4))
+    _, turn = _carry(flat, (flat[:, 0], flat[:, 0], trace[f"{side}_grip_alpha"]), sign)
+    _log_axes(log, f"cell/grip/{side}_actual", 0.03, grip, turn)
 
 
-def _log_carried_grip(
-    log: RecordingLog, result: RunResult, motion: _Motion, side: str, sign: float
+def _log_axes(
+    log: RecordingLog, entity: str, length_m: float, place: Vector, quaternion: Vector
 ) -> None:
-    """Log the same for an assembly, where the bending frames are carried through the world."""
-    trace = result.trace
-    place, quaternion = _sites(result.model, motion, [f"{side}_{GRIP_SITE}"])
-    log.once(f"cell/grip/{side}_actual", rr.TransformAxes3D(0.03))
-    log.rows(
-        f"cell/grip/{side}_actual",
-        rr.Transform3D,
-        translation=place[:, 0].round(_DECIMALS),
-        quaternion=quaternion[:, 0],
-    )
-    there = places(trace)
-    sent = carried(trace, there, result.scenario.alter.delay_cycles)
-    height = trace["nominal_z"] - there[:, 2]
-    line, _ = _carry(there, (-trace["nominal_half_distance"], height, trace["nominal_alpha"]), sign)
-    x, z, alpha = (trace[f"{side}_command_{axis}"] for axis in ("x", "z", "alpha"))
-    path, turn = _carry(sent, (x, z, alpha), sign)
-    log.once(f"cell/grip/{side}_commanded", rr.TransformAxes3D(0.045))
-    log.rows(f"cell/grip/{side}_commanded", rr.Transform3D, translation=path, quaternion=turn)
-    strips = [strip[np.isfinite(strip).all(axis=1)] for strip in (line, path)]
-    drawn = rr.LineStrips3D(strips, colors=[NOMINAL_COLOUR, _COMMAND_COLOUR], radii=0.001)
-    log.once(f"cell/path/{side}", drawn)
+    log.once(entity, rr.TransformAxes3D(length_m))
+    pose = {"translation": place.round(_DECIMALS), "quaternion": quaternion.round(_DECIMALS)}
+    log.frames(entity, rr.Transform3D, **pose)
 
 
 def _carry(
@@ -315,13 +379,3 @@ def _sites(model: mujoco.MjModel, motion: _Motion, names: list[str]) -> tuple[Ve
         own = Rotation.from_quat(site.quat, scalar_first=True)
         quaternion.append((turn * own).as_quat(canonical=True))
     return np.stack(place, axis=1), np.stack(quaternion, axis=1)
-
-
-def _log_frame(
-    log: RecordingLog, entity: str, length_m: float, place: Vector, alpha: Vector, sign: float
-) -> None:
-    """Log a frame turned by R_y(α), for the right arm by R_z(π) R_y(α)."""
-    c, s, none = np.cos(alpha / 2), np.sin(alpha / 2), np.zeros_like(alpha)
-    turn = np.stack((none, s, none, c) if sign > 0 else (-s, none, c, none), axis=1)
-    log.once(entity, rr.TransformAxes3D(length_m))
-    log.rows(entity, rr.Transform3D, translation=place.round(_DECIMALS), quaternion=turn)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -162,6 +163,14 @@ class Trace:
         """Return one column over the recorded rows."""
         index = [column for column, _ in self.columns].index(name)
         return self._table[: self.rows, index]
+
+    def window(self, first: int, last: int) -> Trace:
+        """Return the rows from ``first`` to before ``last``, in the same memory: to read only."""
+        part = copy.copy(self)
+        part._table = self._table[first:last]
+        part._qpos, part._bends = self._qpos[first:last], self._bends[first:last]
+        part.rows = last - first
+        return part
 
     @property
     def qpos(self) -> Vector:

@@ -1,0 +1,51 @@
+"""What a recording shows beside the run's trace: its metrics and what beam theory predicts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.analysis.metrics import summary
+from dualbend.analysis.validation_runs import oracle_moments
+from dualbend.run.recording_log import FRAME_CYCLES
+from dualbend.run.recording_notes import Notes
+from dualbend.run.runner import RunResult
+from dualbend.task.assembly_motion import PHASES
+
+WALL_CLOCK = ("wall_time", "realtime_factor")
+"""Metrics of the machine, not of the run: two runs of one seed differ in them."""
+
+_HANGS_BENT = ("bend", "lower", "seat middle", "unfold")
+"""Phases of an assembly in which the sheet is a rod between two grips, and bent.
+
+Flat, between grips as far apart as it is long, its moment hangs on micrometres.
+"""
+
+_LEAST_BEND_RAD = 0.02
+
+
+def notes_of(result: RunResult) -> Notes:
+    """Return the run's metrics and, every third cycle, the rod oracle's moment on the left grip.
+
+    At the sheet's own edges, so that the pads' compliance is not in the difference.
+    """
+    metrics = summary(result)["metrics"]
+    named = {k: (m["value"], m["unit"]) for k, m in metrics.items() if k not in WALL_CLOCK}
+    predicted = np.full(result.trace.rows, np.nan)
+    rows = _predictable(result)
+    if rows.size:
+        predicted[rows] = oracle_moments(result, "edge", rows)
+    return Notes(metrics=named, predicted_moment=predicted)
+
+
+def _predictable(result: RunResult) -> NDArray[np.intp]:
+    last = result.trace.rows - 1
+    rows = (
+        np.unique(np.append(np.arange(0, last, FRAME_CYCLES), last)) if last >= 0 else np.arange(0)
+    )
+    if result.scenario.assembly is None:
+        return rows
+    trace = result.trace
+    phases = [PHASES.index(phase) for phase in _HANGS_BENT]
+    bent = trace["left_grip_alpha"][rows] > _LEAST_BEND_RAD
+    return rows[np.isin(trace["phase"][rows], phases) & bent]
