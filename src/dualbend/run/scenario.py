@@ -185,13 +185,25 @@ def load_scenario(
 ) -> Scenario:
     """Load a shipped scenario by name, or a file, with ``path.to.key=value`` settings applied."""
     path = _find(name_or_file)
-    data = _read(path, seen=())
+    return resolve_scenario(_read(path, seen=()), path.name, settings, seed)
+
+
+def read_scenario(name_or_file: str) -> dict[str, Any]:
+    """Return the tables of a shipped scenario or a file, those that it extends merged in."""
+    return _read(_find(name_or_file), seen=())
+
+
+def resolve_scenario(
+    tables: Mapping[str, Any], source: str, settings: Sequence[str] = (), seed: int | None = None
+) -> Scenario:
+    """Return the scenario of tables with settings applied; ``source`` is named in messages."""
+    data = dict(tables)
     # A new kind replaces its section, so it comes first: the other settings of the section stay.
     for setting in sorted(settings, key=lambda text: ".kind=" not in text.replace(" ", "")):
         data = _apply(data, setting)
     if seed is not None:
         data["seed"] = seed
-    return _convert(data, f"{path.name} with --set" if settings else path.name)
+    return _convert(data, f"{source} with --set" if settings else source)
 
 
 def _find(name_or_file: str) -> Path:
