@@ -237,8 +237,8 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
         raise InputError(f"{path.name}: no valid TOML: {error}") from error
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
-    _refuse_absurd(data, path.name, ())
-    _refuse_unknown(data, Scenario, path.name, ())
+    refuse_absurd(data, path.name, ())
+    refuse_unknown(data, Scenario, path.name, ())
     if base is None:
         return data
     if not isinstance(base, str):
@@ -313,22 +313,22 @@ def _number_or_text(text: str) -> float | str:
 
 def _convert(data: dict[str, Any], source: str) -> Scenario:
     data = _merge({}, data)
-    _refuse_absurd(data, source, ())
-    _refuse_unknown(data, Scenario, source, ())
+    refuse_absurd(data, source, ())
+    refuse_unknown(data, Scenario, source, ())
     try:
         return msgspec.convert(data, Scenario)
     except msgspec.ValidationError as error:
-        raise InputError(f"{source}: {_explain(data, str(error))}") from error
+        raise InputError(f"{source}: {explain(data, str(error))}") from error
 
 
-def _refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
+def refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
     """Refuse what is no number, and sizes that no quantity has but that overflow a product."""
     if isinstance(value, dict):
         for key, item in value.items():
-            _refuse_absurd(item, source, (*keys, key))
+            refuse_absurd(item, source, (*keys, key))
     elif isinstance(value, list):
         for item in value:
-            _refuse_absurd(item, source, keys)
+            refuse_absurd(item, source, keys)
     elif isinstance(value, int | float) and keys != ("seed",):
         if isinstance(value, float) and not math.isfinite(value):
             raise InputError(f"{source}: {'.'.join(keys)} = {value}: must be a finite number")
@@ -339,7 +339,7 @@ def _refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
             )
 
 
-def _refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ...]) -> None:
+def refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ...]) -> None:
     """Name an unknown key with its nearest valid ones, which msgspec's own message lacks."""
     fields = {name: field.type for name, field in _fields_of(kind).items()}
     if not fields or not isinstance(data, dict):
@@ -353,7 +353,7 @@ def _refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ..
                 f"{source}: {'.'.join((*keys, key))} = {shown}: unknown key; {hint}"
                 f"valid here: {', '.join(fields)}"
             )
-        _refuse_unknown(value, fields[key], source, (*keys, key))
+        refuse_unknown(value, fields[key], source, (*keys, key))
 
 
 @functools.cache
@@ -372,14 +372,13 @@ def _struct_of(kind: object) -> type[msgspec.Struct] | None:
     return None
 
 
-def _explain(data: dict[str, Any], message: str) -> str:
+def explain(data: Mapping[str, Any], message: str, kind: object = Scenario) -> str:
     """Put msgspec's message as key, value and what would be right."""
     match = re.search(r" - at `\$\.?(.*)`$", message)
     if match is None:
         return message
     keys, text = match.group(1), message[: match.start()]
     value: Any = data
-    kind: object = Scenario
     for part in re.findall(r"[^.\[\]]+", keys):
         fields = _fields_of(kind)
         kind = fields[part].type if part in fields else kind
