@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,9 +87,10 @@ def _levels(sweep: Sweep, name: str) -> list[Any]:
 def _grid(sweep: Sweep) -> list[tuple[Any, ...]]:
     levels = {name: _levels(sweep, name) for name in sweep.keys}
     for name, values in levels.items():
-        twice = next((v for i, v in enumerate(values) if v in values[:i]), None)
-        if twice is not None:
-            raise InputError(f"{sweep.source}: keys.{name}: values has {twice!r} twice")
+        texts = Counter(map(toml, values))
+        twice = [text for text, count in texts.items() if count > 1]
+        if twice:
+            raise InputError(f"{sweep.source}: keys.{name}: values has {twice[0]} twice")
     return list(itertools.product(*levels.values()))
 
 

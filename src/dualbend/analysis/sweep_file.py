@@ -100,7 +100,9 @@ class Sweep:
 
     def resolve(self, settings: tuple[str, ...] = (), seed: int | None = None) -> Scenario:
         """Return the scenario with the fixed and these settings; InputError as of ``--set``."""
-        return resolve_scenario(self.tables, self.config.scenario, self.settings + settings, seed)
+        # Named as it names itself: the same reason from the sweep's file and from its folder.
+        source = str(self.tables.get("name"))
+        return resolve_scenario(self.tables, source, self.settings + settings, seed)
 
     def to_toml(self, *, all_of_it: bool = True) -> str:
         """Return the file that, beside :meth:`scenario_toml`, is this sweep.
