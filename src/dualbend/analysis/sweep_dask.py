@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
@@ -52,6 +53,8 @@ def _connect(address: str) -> Client:
         from distributed import Client  # noqa: PLC0415 - an extra
     except ImportError as error:
         raise InputError(f"--scheduler {address}: {EXTRA}") from error
+    # A lost connection is one message of ours, and not its traceback as well.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         return Client(address, timeout=CONNECT_S, name="dualbend-sweep")
     except (OSError, ValueError, TypeError) as error:
@@ -75,8 +78,8 @@ def _rows(client: Client, tasks: Sequence[Task], run: RunOne) -> Generator[RunRo
             yield _row(future, futures[future])
             futures.pop(future)
     finally:
-        if futures:  # interrupted, or given up
-            client.cancel(list(futures), asynchronous=False)
+        if futures and client.status == "running":  # interrupted, or given up
+            client.cancel(list(futures))
 
 
 def _row(future: Future, index: int) -> RunRow:

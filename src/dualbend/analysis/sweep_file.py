@@ -150,7 +150,7 @@ def load_sweep(path: Path) -> Sweep:
     try:
         sweep.resolve()
     except InputError as error:
-        raise InputError(f"{source}: scenario {config.scenario!r}: {error}") from error
+        raise InputError(f"{source}: [set]: {error}") from error
     _check_keys(sweep)
     return sweep
 

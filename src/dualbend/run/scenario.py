@@ -185,7 +185,8 @@ def load_scenario(
 ) -> Scenario:
     """Load a shipped scenario by name, or a file, with ``path.to.key=value`` settings applied."""
     path = _find(name_or_file)
-    return resolve_scenario(_read(path, seen=()), path.name, settings, seed)
+    source = f"{path.name} with --set" if settings else path.name
+    return resolve_scenario(_read(path, seen=()), source, settings, seed)
 
 
 def read_scenario(name_or_file: str) -> dict[str, Any]:
@@ -203,7 +204,7 @@ def resolve_scenario(
         data = _apply(data, setting)
     if seed is not None:
         data["seed"] = seed
-    return _convert(data, f"{source} with --set" if settings else source)
+    return _convert(data, source)
 
 
 def _find(name_or_file: str) -> Path:
