@@ -12,8 +12,17 @@ from hypothesis import strategies as st
 from scipy.stats import ks_1samp, norm, qmc
 
 from dualbend.analysis.sweep_design import Design, make_design, saltelli
-from dualbend.analysis.sweep_file import SCENARIO, SWEEP, Sweep, known_keys, load_sweep
-from dualbend.analysis.sweep_keys import _WORDS, Normal, Range, Uniform, Values, drawn, make_spec
+from dualbend.analysis.sweep_file import SCENARIO, SWEEP, Sweep, load_sweep
+from dualbend.analysis.sweep_keys import (
+    _WORDS,
+    Normal,
+    Range,
+    Uniform,
+    Values,
+    drawn,
+    known_keys,
+    make_spec,
+)
 from dualbend.errors import InputError
 from dualbend.run.keys import sections
 from dualbend.run.scenario import load_scenario

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from dualbend.analysis.sweep_file import Sweep, known_keys
-from dualbend.analysis.sweep_keys import Range, Values, drawn
+from dualbend.analysis.sweep_file import Sweep
+from dualbend.analysis.sweep_keys import Range, Values, drawn, known_keys
 from dualbend.errors import InputError
 from dualbend.run.toml_text import toml
 

@@ -7,7 +7,6 @@ would be right.
 from __future__ import annotations
 
 import difflib
-import functools
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -17,9 +16,18 @@ from typing import Annotated, Any, Literal
 import msgspec
 import tomli_w
 
-from dualbend.analysis.sweep_keys import Normal, Range, Spec, Uniform, Values, is_spec, make_spec
+from dualbend.analysis.sweep_keys import (
+    Normal,
+    Range,
+    Spec,
+    Uniform,
+    Values,
+    is_spec,
+    known_keys,
+    make_spec,
+)
 from dualbend.errors import InputError
-from dualbend.run.keys import Key, sections
+from dualbend.run.keys import Key
 from dualbend.run.scenario import (
     UNSET,
     Scenario,
@@ -245,16 +253,3 @@ def _check_value(where: str, value: object, key: Key, kind: Any) -> None:  # noq
         # Out of its bounds, a value may be refused together with others: that is a run's reason.
         if ", got `" in str(error) or "Invalid enum" in str(error):
             raise InputError(f"{where}: {value!r} in values: must be {key.kind}") from error
-
-
-@functools.cache
-def known_keys() -> dict[str, tuple[Key, Any] | None]:
-    """Return every key of a scenario with what it is and its type, by name; None of a section."""
-    found: dict[str, tuple[Key, Any] | None] = {}
-    for section in sections():
-        if section.path:
-            found[section.title] = None
-        types = {f.encode_name: f.type for f in msgspec.structs.fields(section.struct)}
-        for key in section.keys:
-            found[".".join((*section.path, key.name))] = (key, types[key.name])
-    return found

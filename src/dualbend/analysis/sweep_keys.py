@@ -6,6 +6,7 @@ are drawn with equal chances.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeAlias
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from dualbend.errors import InputError
+from dualbend.run.keys import Key, sections
 from dualbend.run.scenario import explain, refuse_unknown
 
 Vector = NDArray[np.float64]
@@ -148,3 +150,16 @@ def _refuse_bounds(low: float, high: float, *, positive: bool) -> None:
         raise ValueError(f"max = {high} must be above min = {low}")
     if positive and not low > 0.0:
         raise ValueError(f"min = {low} must be above 0: it has no logarithm")
+
+
+@functools.cache
+def known_keys() -> dict[str, tuple[Key, Any] | None]:
+    """Return every key of a scenario with what it is and its type, by name; None of a section."""
+    found: dict[str, tuple[Key, Any] | None] = {}
+    for section in sections():
+        if section.path:
+            found[section.title] = None
+        types = {f.encode_name: f.type for f in msgspec.structs.fields(section.struct)}
+        for key in section.keys:
+            found[".".join((*section.path, key.name))] = (key, types[key.name])
+    return found

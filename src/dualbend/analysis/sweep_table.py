@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from dualbend.analysis.metrics import Metric, versions
 from dualbend.analysis.sweep_design import Design
-from dualbend.analysis.sweep_file import Sweep, known_keys
+from dualbend.analysis.sweep_file import Sweep
+from dualbend.analysis.sweep_keys import known_keys
 from dualbend.analysis.sweep_run import RunRow
 from dualbend.errors import InputError
 
