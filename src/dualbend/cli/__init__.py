@@ -7,7 +7,7 @@ Heavy imports happen inside the commands.
 
 import click
 
-from dualbend.cli import assembly, files, judge, runs, stability, theory
+from dualbend.cli import assembly, files, judge, runs, stability, sweep, theory
 from dualbend.cli.common import Commands, examples
 
 
@@ -38,6 +38,7 @@ for _command in (
     assembly.plan,
     runs.benchmark,
     assembly.robustness,
+    sweep.sweep,
     stability.stability,
     stability.tune,
 ):

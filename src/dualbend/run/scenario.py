@@ -219,14 +219,27 @@ def load_scenario(
 ) -> Scenario:
     """Load a shipped scenario by name, or a file, with ``path.to.key=value`` settings applied."""
     path = _find(name_or_file)
-    data = _read(path, seen=())
+    source = f"{path.name} with --set" if settings else path.name
+    return resolve_scenario(_read(path, seen=()), source, settings, seed)
+
+
+def read_scenario(name_or_file: str) -> dict[str, Any]:
+    """Return the tables of a shipped scenario or a file, those that it extends merged in."""
+    return _read(_find(name_or_file), seen=())
+
+
+def resolve_scenario(
+    tables: Mapping[str, Any], source: str, settings: Sequence[str] = (), seed: int | None = None
+) -> Scenario:
+    """Return the scenario of tables with settings applied; ``source`` is named in messages."""
+    data = dict(tables)
     # A new kind replaces its section, so it comes first: the other settings of the section stay.
     # So does another arm, which takes the places of the one before back.
     for setting in sorted(settings, key=_comes_late):
         data = _apply(data, setting)
     if seed is not None:
         data["seed"] = seed
-    return _convert(data, f"{path.name} with --set" if settings else path.name)
+    return _convert(data, source)
 
 
 def _comes_late(setting: str) -> bool:
@@ -265,8 +278,8 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
         raise InputError(f"{path.name}: no valid TOML: {error}") from error
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
-    _refuse_absurd(data, path.name, ())
-    _refuse_unknown(data, Scenario, path.name, ())
+    refuse_absurd(data, path.name, ())
+    refuse_unknown(data, Scenario, path.name, ())
     if base is None:
         return data
     if not isinstance(base, str):
@@ -341,22 +354,22 @@ def _number_or_text(text: str) -> float | str:
 
 def _convert(data: dict[str, Any], source: str) -> Scenario:
     data = _merge({}, data)
-    _refuse_absurd(data, source, ())
-    _refuse_unknown(data, Scenario, source, ())
+    refuse_absurd(data, source, ())
+    refuse_unknown(data, Scenario, source, ())
     try:
         return msgspec.convert(data, Scenario)
     except msgspec.ValidationError as error:
-        raise InputError(f"{source}: {_explain(data, str(error))}") from error
+        raise InputError(f"{source}: {explain(data, str(error))}") from error
 
 
-def _refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
+def refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
     """Refuse what is no number, and sizes that no quantity has but that overflow a product."""
     if isinstance(value, dict):
         for key, item in value.items():
-            _refuse_absurd(item, source, (*keys, key))
+            refuse_absurd(item, source, (*keys, key))
     elif isinstance(value, list):
         for item in value:
-            _refuse_absurd(item, source, keys)
+            refuse_absurd(item, source, keys)
     elif isinstance(value, int | float) and keys != ("seed",):
         if isinstance(value, float) and not math.isfinite(value):
             raise InputError(f"{source}: {'.'.join(keys)} = {value}: must be a finite number")
@@ -367,7 +380,7 @@ def _refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
             )
 
 
-def _refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ...]) -> None:
+def refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ...]) -> None:
     """Name an unknown key with its nearest valid ones, which msgspec's own message lacks."""
     fields = {name: field.type for name, field in _fields_of(kind).items()}
     if not fields or not isinstance(data, dict):
@@ -381,7 +394,7 @@ def _refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ..
                 f"{source}: {'.'.join((*keys, key))} = {shown}: unknown key; {hint}"
                 f"valid here: {', '.join(fields)}"
             )
-        _refuse_unknown(value, fields[key], source, (*keys, key))
+        refuse_unknown(value, fields[key], source, (*keys, key))
 
 
 @functools.cache
@@ -400,14 +413,13 @@ def _struct_of(kind: object) -> type[msgspec.Struct] | None:
     return None
 
 
-def _explain(data: dict[str, Any], message: str) -> str:
+def explain(data: Mapping[str, Any], message: str, kind: object = Scenario) -> str:
     """Put msgspec's message as key, value and what would be right."""
     match = re.search(r" - at `\$\.?(.*)`$", message)
     if match is None:
         return message
     keys, text = match.group(1), message[: match.start()]
     value: Any = data
-    kind: object = Scenario
     for part in re.findall(r"[^.\[\]]+", keys):
         fields = _fields_of(kind)
         kind = fields[part].type if part in fields else kind

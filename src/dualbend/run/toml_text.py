@@ -28,6 +28,8 @@ def toml(value: object) -> str:
         return number(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(toml, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{_basic_string(k)} = {toml(v)}' for k, v in value.items())}}}"
     return _basic_string(str(value))
 
 

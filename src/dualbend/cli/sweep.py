@@ -1,0 +1,62 @@
+"""Command that runs a scenario many times with other values of its keys."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import click
+
+from dualbend.cli.common import EXIT_BAD_INPUT, EXIT_INTERRUPTED, examples
+
+
+@click.command(
+    epilog=examples(
+        "dualbend sweep gains.toml --workers 2",
+        "dualbend sweep gains.toml --scheduler tcp://127.0.0.1:8786",
+    )
+)
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Folder of the sweep.  [default: runs/NAME]"
+)
+@click.option("--workers", type=click.IntRange(1, 256), help="Processes; the cores if not given.")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler, e.g. tcp://HOST:PORT.")
+def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | None) -> None:
+    """Run a scenario over many values of its keys.
+
+    FILE says which (docs/sweeps.md), or is the folder of a sweep. The same command goes on with a
+    sweep that was interrupted; of a finished one it makes table and pictures again.
+    """
+    from dualbend.analysis.sweep import locally, run_sweep
+    from dualbend.analysis.sweep_design import make_design
+    from dualbend.analysis.sweep_file import load_sweep
+    from dualbend.analysis.sweep_progress import Progress
+    from dualbend.analysis.sweep_report import report_lines, write_report
+
+    if workers is not None and scheduler is not None:
+        click.echo("dualbend: --workers are local, --scheduler has its own: give one", err=True)
+        sys.exit(EXIT_BAD_INPUT)
+    loaded = load_sweep(file)
+    design = make_design(loaded)
+    folder = out or (file if file.is_dir() else Path("runs") / loaded.name)
+    runs = locally(workers or os.cpu_count() or 1)
+    if scheduler is not None:
+        from dualbend.analysis.sweep_dask import on_cluster
+
+        runs = on_cluster(scheduler, lambda note: click.echo(note, err=True))
+    progress = Progress()
+    try:
+        rows = run_sweep(loaded, design, folder, runs, on_run=progress)
+    except KeyboardInterrupt:
+        progress.end_line()
+        click.echo(
+            f"dualbend: interrupted after {progress.done} of {progress.total} runs, kept in "
+            f"{folder}; the same command goes on",
+            err=True,
+        )
+        sys.exit(EXIT_INTERRUPTED)
+    report = write_report(loaded, design, rows, folder)
+    click.echo("\n".join(report_lines(loaded, design, rows, report)))
+    click.echo(f"results in {folder}")
