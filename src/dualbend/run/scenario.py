@@ -194,6 +194,21 @@ def load_scenario(
     return _convert(data, f"{path.name} with --set" if settings else path.name)
 
 
+def parse_scenario(text: str, source: str) -> Scenario:
+    """Return the scenario that a resolved TOML text is; ``source`` is named in an error.
+
+    Raises
+    ------
+    InputError
+        It is no TOML, or no scenario.
+    """
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{source}: no valid TOML: {error}") from error
+    return _convert(data, source)
+
+
 def _find(name_or_file: str) -> Path:
     path = Path(name_or_file)
     try:
