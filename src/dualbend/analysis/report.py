@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from dualbend.analysis.report_bending import (
 from dualbend.analysis.report_data import bending_rows, moment_lines, oracle_on_path
 from dualbend.analysis.report_html import Html, element, join, markdown
 from dualbend.analysis.report_parts import Pictures, Section, note, side_by_side
-from dualbend.analysis.report_plots import Ranges, common, library
+from dualbend.analysis.report_plots import Plot, Ranges, common, library, plots_json
 from dualbend.analysis.report_stability import stability_section
 from dualbend.analysis.report_tables import ended, metrics_table, origin_section, settings_section
 from dualbend.analysis.report_time import (
@@ -65,8 +65,7 @@ def report(runs: Sequence[SavedRun]) -> str:
     if len(runs) > 1:
         chapters.insert(0, ("Side by side", _side_by_side(runs, names, pictures)))
     chapters.append(("Known limitations", [_limitations()]))
-    body, script = pictures.fill(_body(chapters))
-    return _document(" and ".join(names), body, script)
+    return _document(" and ".join(names), _body(chapters), pictures.plots)
 
 
 def run_names(runs: Sequence[SavedRun]) -> list[str]:
@@ -183,7 +182,7 @@ def _body(chapters: Sequence[tuple[str, list[Section]]]) -> Html:
     return join([nav, element("main", *parts)])
 
 
-def _document(title: str, body: Html, script: str) -> str:
+def _document(title: str, body: Html, plots: Mapping[str, Plot]) -> str:
     version = importlib.metadata.version("dualbend")
     head = join(
         [
@@ -202,19 +201,23 @@ def _document(title: str, body: Html, script: str) -> str:
         element("noscript", note("The plots need JavaScript; tables and texts do not.")),
         body,
         element("footer", note(f"Made by dualbend {version}. All quantities are simulated.")),
-        *(
-            (_raw("script", text) for text in (library(), script, _asset("report.js")))
-            if script
-            else ()
-        ),
+        *(_drawn(plots) if plots else ()),
     )
     return f"<!doctype html>\n{element('html', element('head', head), page, lang='en')}\n"
 
 
-def _raw(tag: str, text: str) -> Html:
+def _drawn(plots: Mapping[str, Plot]) -> tuple[Html, ...]:
+    return (
+        _raw("script", plots_json(plots), ' id="plots" type="application/json"'),
+        _raw("script", library()),
+        _raw("script", _asset("report.js")),
+    )
+
+
+def _raw(tag: str, text: str, attributes: str = "") -> Html:
     """Return a style or script; what would end it early is broken up."""
     whole = text.replace(f"</{tag}", f"<\\/{tag}")
-    return Html(f"<{tag}>\n{whole}\n</{tag}>")
+    return Html(f"<{tag}{attributes}>\n{whole}\n</{tag}>")
 
 
 def _asset(name: str) -> str:

@@ -15,9 +15,10 @@ from dualbend.analysis.report_plots import (
     PURPLE,
     Axis,
     Curve,
+    Plot,
     Range,
     Ranges,
-    plot,
+    every_second,
 )
 from dualbend.analysis.report_time import TIME
 from dualbend.run.saved import SavedRun
@@ -45,13 +46,27 @@ def holes_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
     last = ", ".join(f"{c.name} {c.y[-1]:.3g}" for c in away)
     figures = side_by_side(
         pictures.add(
-            plot(away, TIME, off, ranges=ranges, bands=bands, levels=[allowed]),
+            Plot(
+                curves=away,
+                x=TIME,
+                y=off,
+                ranges=ranges,
+                bands=every_second(bands),
+                levels=[allowed],
+            ),
             f"Distance of each hole's centre from its pin's axis. The line is half the clearance, "
             f"{allowed:.3g} mm: below it the hole is over its pin.",
             f"Distance of the holes from their pins over time, at the end in mm: {last}",
         ),
         pictures.add(
-            plot(high, TIME, up, ranges=ranges, bands=bands, levels=[_pin_height_mm(run)]),
+            Plot(
+                curves=high,
+                x=TIME,
+                y=up,
+                ranges=ranges,
+                bands=every_second(bands),
+                levels=[_pin_height_mm(run)],
+            ),
             "Height of the sheet's lower face at each hole; the line is the pins' tip.",
             "Height of the holes above the bed over time, at the end in mm: "
             + ", ".join(f"{c.name} {c.y[-1]:.3g}" for c in high),
@@ -88,10 +103,10 @@ def _final(run: SavedRun, pictures: Pictures, allowed_mm: float) -> Html:
             np.array([1e6 * _float(row.get(f"offset_{axis}_m")) for row in of]) for axis in "xy"
         )
         curves.append(Curve(name=name, x=x, y=y, colour=colour, marker="circle_cross"))
-    drawn = plot(
-        curves,
-        Axis(label="along x", unit="µm"),
-        Axis(label="along y", unit="µm"),
+    drawn = Plot(
+        curves=curves,
+        x=Axis(label="along x", unit="µm"),
+        y=Axis(label="along y", unit="µm"),
         true_to_scale=True,
         height_px=420,
     )
@@ -126,7 +141,7 @@ def pins_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
         ]
         largest = max((float(np.nanmax(c.y, initial=0.0)) for c in curves), default=0.0)
         axis = Axis(label=f"{kind} force", unit="N")
-        drawn = plot(curves, TIME, axis, ranges=ranges, bands=bands)
+        drawn = Plot(curves=curves, x=TIME, y=axis, ranges=ranges, bands=every_second(bands))
         caption = f"Force on {words}, the largest of every physics step since the row before."
         alt = f"Force on {words} over time, at most {largest:.3g} N"
         figures.append(pictures.add(drawn, caption, alt))
@@ -158,7 +173,13 @@ def object_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section 
             )
         ]
         label = "place" if len(parts) > 1 else "turn"
-        drawn = plot(curves, TIME, Axis(label=label, unit=unit), ranges=ranges, bands=bands)
+        drawn = Plot(
+            curves=curves,
+            x=TIME,
+            y=Axis(label=label, unit=unit),
+            ranges=ranges,
+            bands=every_second(bands),
+        )
         largest = max(float(np.nanmax(np.abs(c.y), initial=0.0)) for c in curves)
         alt = f"Deviation of {label} over time, at most {largest:.3g} {unit}"
         figures.append(pictures.add(drawn, f"Deviation of the held sheet: {label}.", alt))

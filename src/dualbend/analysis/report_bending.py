@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -29,7 +30,6 @@ from dualbend.analysis.report_plots import (
     Curve,
     Plot,
     Ranges,
-    plot,
 )
 from dualbend.beam import elastica
 from dualbend.run.saved import SavedRun
@@ -38,7 +38,7 @@ from dualbend.task.bending import make_path
 ANGLE = Axis(label="bending angle α", unit="rad")
 MOMENT = Axis(label="moment", unit="mN m")
 
-_LOOKS = {
+_LOOKS: dict[str, tuple[str, float, Literal["solid", "dashed", "dotted"]]] = {
     "raw": (GREY, 0.8, "solid"),
     "filtered": (ORANGE, 1.2, "solid"),
     "true": (BLUE, 2.2, "solid"),
@@ -63,8 +63,14 @@ def moment_plot(
         for line in lines
         for colour, width, dash in [_LOOKS[line.name]]
     ]
-    return plot(
-        curves, ANGLE, MOMENT, ranges=ranges, knots=knots_of(run), levels=[0.0], title=title
+    return Plot(
+        curves=curves,
+        x=ANGLE,
+        y=MOMENT,
+        ranges=ranges or Ranges(),
+        knots=knots_of(run),
+        levels=[0.0],
+        title=title,
     )
 
 
@@ -117,7 +123,7 @@ def path_section(run: SavedRun, pictures: Pictures) -> Section:
             Curve(name="knots", x=knots, y=1e3 * at_knots[i], colour=ORANGE, marker="circle_dot"),
         ]
         alt = f"{name} over angle: {1e3 * nominal[i][0]:.1f} to {1e3 * nominal[i][-1]:.1f} mm"
-        drawn = plot(curves, ANGLE, Axis(label=name, unit="mm"), height_px=300)
+        drawn = Plot(curves=curves, x=ANGLE, y=Axis(label=name, unit="mm"), height_px=300)
         figures.append(pictures.add(drawn, f"{name.capitalize()} of the grips.", alt))
     within = np.clip(slope, 0.0, elastica.END_SLOPE_GRIPPERS_MEET)
     off = 1e3 * (half - elastica.half_distance(within, length))
@@ -126,10 +132,10 @@ def path_section(run: SavedRun, pictures: Pictures) -> Section:
         Curve(name="nominal", x=grid, y=wanted, colour=ORANGE),
         Curve(name="recorded", x=slope, y=off, colour=BLUE),
     ]
-    difference = plot(
-        curves,
-        ANGLE,
-        Axis(label="half distance off", unit="mm"),
+    difference = Plot(
+        curves=curves,
+        x=ANGLE,
+        y=Axis(label="half distance off", unit="mm"),
         knots=knots.tolist(),
         levels=[0.0],
     )
@@ -179,7 +185,13 @@ def shape_section(run: SavedRun, pictures: Pictures) -> Section:
     worst = max(1e3 * shape.off_elastica_m for shape in found)
     alt = f"{len(found)} shapes of the sheet; within {worst:.2f} mm of the elastica"
     return Section(
-        title=title, body=join([pictures.add(plot(curves, *axes), caption, alt), _distances(found)])
+        title=title,
+        body=join(
+            [
+                pictures.add(Plot(curves=curves, x=axes[0], y=axes[1]), caption, alt),
+                _distances(found),
+            ]
+        ),
     )
 
 

@@ -20,7 +20,7 @@ Rows = NDArray[np.intp]
 SHAPES = 5
 """Bending angles at which the sheet's shape is shown."""
 
-_ORACLE_POINTS = 160
+_ORACLE_POINTS = 120
 _FIRST_RAD = 2e-3
 """The flat rod's end force is indeterminate."""
 

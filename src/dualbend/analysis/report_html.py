@@ -58,9 +58,9 @@ def table(
     return element("div", inner, class_="scroll", tabindex="0", role="region", aria_label=caption)
 
 
-def figure(plot: Html, caption: str, alt: str) -> Html:
+def figure(identifier: str, caption: str, alt: str) -> Html:
     """Return a picture with its caption and, for who does not see it, what it shows."""
-    shown = element("div", plot, class_="plot", role="img", aria_label=alt)
+    shown = element("div", id=identifier, class_="plot", role="img", aria_label=alt)
     return element("figure", shown, element("figcaption", caption))
 
 

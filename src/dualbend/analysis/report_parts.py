@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from dualbend.analysis.report_html import Html, element, figure, join
-from dualbend.analysis.report_plots import Plot, embed
+from dualbend.analysis.report_plots import Plot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,29 +18,15 @@ class Section:
 
 @dataclass
 class Pictures:
-    """The plots of a page; all are drawn by one script, so their places are filled in last."""
+    """The plots of a page by the identifiers of their places."""
 
     plots: dict[str, Plot] = field(default_factory=dict)
 
     def add(self, plot: Plot, caption: str, alt: str) -> Html:
         """Return the figure in which ``plot`` will be."""
-        name = f"plot{len(self.plots)}"
+        name = f"plot-{len(self.plots)}"
         self.plots[name] = plot
-        return figure(_place(name), caption, alt)
-
-    def fill(self, page: Html) -> tuple[Html, str]:
-        """Return the page with the plots' elements in it, and the script that draws them."""
-        if not self.plots:
-            return page, ""
-        script, places = embed(self.plots)
-        text = str(page)
-        for name, place in places.items():
-            text = text.replace(_place(name), place)
-        return Html(text), script
-
-
-def _place(name: str) -> Html:
-    return Html(f'<span data-plot="{name}"></span>')
+        return figure(name, caption, alt)
 
 
 def side_by_side(*figures: Html) -> Html:

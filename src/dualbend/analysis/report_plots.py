@@ -1,35 +1,29 @@
-"""Interactive plots of a report: the only home of Bokeh, whose script is put into the page."""
+"""Interactive plots of a report: what is drawn, as data; Bokeh's script draws it in the page.
+
+The only home of Bokeh. Its figures are put together in the browser (``report.js``): the same ones
+made by its Python side take several times as long as everything else in a report.
+"""
 
 from __future__ import annotations
 
+import base64
+import importlib.util
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal
 
 import contourpy
 import numpy as np
-from bokeh.embed import components
-from bokeh.models import (
-    BoxAnnotation,
-    ColumnDataSource,
-    CrosshairTool,
-    FactorRange,
-    HoverTool,
-    Legend,
-    LegendItem,
-    Range1d,
-    Span,
-)
-from bokeh.plotting import figure
-from bokeh.resources import Resources
 from numpy.typing import NDArray
 
 from dualbend.analysis.report_data import Phase
 from dualbend.analysis.stability_map import Panel
+from dualbend.errors import DualbendError
 
 Vector = NDArray[np.float64]
-Plot: TypeAlias = figure
-Range: TypeAlias = Range1d
 
 BLUE, ORANGE, GREY, GREEN, RED, PURPLE = (
     *("#3b82f6", "#e8790c", "#94a3b8", "#10a37f", "#e5484d", "#a259e6"),
@@ -37,9 +31,8 @@ BLUE, ORANGE, GREY, GREEN, RED, PURPLE = (
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, RED, GREY)
 """Seen on white and on black."""
 
-_TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 _HEIGHT_PX = 340
-_BAND = "#808080"
+_SCRIPTS = ("bokeh.min.js", "bokeh-api.min.js")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +42,6 @@ class Axis:
     label: str
     unit: str
     scale: Literal["linear", "log"] = "linear"
-
-    @property
-    def text(self) -> str:
-        """Label with unit."""
-        return f"{self.label} [{self.unit}]"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,159 +53,97 @@ class Curve:
     y: Vector
     colour: str = BLUE
     width: float = 1.6
-    dash: str = "solid"
+    dash: Literal["solid", "dashed", "dotted"] = "solid"
     marker: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Range:
+    """What an axis shows at first; plots that have the same object are zoomed together."""
+
+    low: float
+    high: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ranges:
-    """Ranges that several plots have in common: zooming one zooms all."""
+    """Ranges of a plot; None: what its curves need."""
 
-    x: Range1d | None = None
-    y: Range1d | None = None
+    x: Range | None = None
+    y: Range | None = None
 
 
-def common(values: Sequence[Vector], margin: float = 0.04) -> Range1d:
+@dataclass(frozen=True, kw_only=True)
+class Bar:
+    """A bar from one time to another [s] in a lane, with what is told of it."""
+
+    lane: str
+    start: float
+    end: float
+    told: str
+    colour: str
+
+
+Ring = tuple[Vector, Vector]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plot:
+    """A plot: curves, or bars in lanes; ``bands`` are shaded ranges of x.
+
+    ``knots`` and ``levels``: vertical and horizontal lines; ``areas``: shaded polygons, each an
+    outer ring and its holes; ``true_to_scale``: a unit is as long along y as along x.
+    """
+
+    x: Axis
+    y: Axis
+    curves: Sequence[Curve] = ()
+    bars: Sequence[Bar] = ()
+    ranges: Ranges = Ranges()
+    bands: Sequence[tuple[float, float]] = ()
+    knots: Sequence[float] = ()
+    levels: Sequence[float] = ()
+    areas: Sequence[Sequence[Ring]] = field(default=())
+    title: str = ""
+    height_px: int = _HEIGHT_PX
+    true_to_scale: bool = False
+
+
+def common(values: Sequence[Vector], margin: float = 0.04) -> Range:
     """Return a range that holds all values, with a margin."""
     finite = np.concatenate([np.asarray(v)[np.isfinite(v)] for v in values] or [np.zeros(0)])
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     room = margin * ((high - low) or 1.0)
-    return Range1d(low - room, high + room)
+    return Range(low=low - room, high=high + room)
 
 
-def plot(
-    curves: Sequence[Curve],
-    x: Axis,
-    y: Axis,
-    *,
-    ranges: Ranges | None = None,
-    bands: Sequence[Phase] = (),
-    knots: Sequence[float] = (),
-    levels: Sequence[float] = (),
-    title: str = "",
-    height_px: int = _HEIGHT_PX,
-    true_to_scale: bool = False,
-) -> Plot:
-    """Return a plot of curves with a legend that switches them, hover with units, zoom.
-
-    ``bands``: phases, every second one shaded; ``knots``: vertical lines; ``levels``: horizontal.
-    """
-    drawn = _frame(x, y, ranges or Ranges(), title, height_px)
-    drawn.match_aspect = true_to_scale
-    for band in bands[::2]:
-        box = BoxAnnotation(left=band.start_s, right=band.end_s, fill_color=_BAND, fill_alpha=0.12)
-        drawn.add_layout(box)
-    for knot in knots:
-        drawn.add_layout(Span(location=knot, dimension="height", line_color=_BAND, line_alpha=0.35))
-    for level in levels:
-        drawn.add_layout(Span(location=level, dimension="width", line_color=_BAND, line_alpha=0.8))
-    items = []
-    for curve in curves:
-        renderer = _draw(drawn, curve)
-        if curve.name:
-            items.append(LegendItem(label=curve.name, renderers=[renderer]))
-    _finish(drawn, items, x, y)
-    return drawn
+def every_second(phases: Sequence[Phase]) -> list[tuple[float, float]]:
+    """Return the bands that tell phases apart."""
+    return [(phase.start_s, phase.end_s) for phase in phases[::2]]
 
 
-def _frame(x: Axis, y: Axis, ranges: Ranges, title: str, height_px: int) -> Plot:
-    given = {"x_range": ranges.x, "y_range": ranges.y}
-    drawn = figure(
-        height=height_px,
-        sizing_mode="stretch_width",
-        min_width=200,
-        tools=_TOOLS,
-        active_drag="box_zoom",
-        toolbar_location="above",
-        title=title or None,
-        x_axis_type=x.scale,
-        y_axis_type=y.scale,
-        x_axis_label=x.text,
-        y_axis_label=y.text,
-        **{name: value for name, value in given.items() if value is not None},
-    )
-    drawn.toolbar.logo = None
-    drawn.axis.axis_label_text_font_style = "normal"
-    drawn.outline_line_color = None
-    return drawn
-
-
-def _draw(drawn: Plot, curve: Curve) -> object:
-    # Seven digits are more than a screen shows and half the bytes.
-    data = {"x": np.asarray(curve.x, np.float32), "y": np.asarray(curve.y, np.float32)}
-    source = ColumnDataSource(data)
-    if curve.marker is not None:
-        return drawn.scatter(
-            source=source, name=curve.name, marker=curve.marker, size=11, color=curve.colour
-        )
-    return drawn.line(
-        source=source,
-        name=curve.name,
-        color=curve.colour,
-        line_width=curve.width,
-        line_dash=curve.dash,
-        line_join="round",
-    )
-
-
-def _finish(drawn: Plot, items: Sequence[LegendItem], x: Axis, y: Axis) -> None:
-    """Add legend and hover."""
-    tips = [("", "$name"), (x.label, f"@x{{%.4g}} {x.unit}"), (y.label, f"@y{{%.4g}} {y.unit}")]
-    hover = HoverTool(tooltips=tips, formatters={"@x": "printf", "@y": "printf"})
-    drawn.add_tools(hover, CrosshairTool(line_alpha=0.3, line_color=_BAND))
-    if items:
-        legend = Legend(
-            items=list(items),
-            orientation="horizontal",
-            click_policy="hide",
-            border_line_color=None,
-            background_fill_alpha=0.0,
-            label_text_font_size="12px",
-            margin=0,
-            ncols=len(items),
-        )
-        drawn.add_layout(legend, "below")
-
-
-def phase_lanes(phases: Sequence[Phase], x_range: Range1d) -> Plot:
+def phase_lanes(phases: Sequence[Phase], shared: Range) -> Plot:
     """Return the phases as bars over time, a lane a name."""
     names = list(dict.fromkeys(phase.name for phase in phases))
-    drawn = figure(
-        height=90 + 17 * len(names),
-        sizing_mode="stretch_width",
-        min_width=200,
-        tools=_TOOLS,
-        active_drag="box_zoom",
-        toolbar_location="above",
-        x_range=x_range,
-        y_range=FactorRange(*reversed(names)),
-        x_axis_label="time [s]",
-    )
-    drawn.toolbar.logo = None
-    drawn.axis.axis_label_text_font_style = "normal"
-    drawn.outline_line_color = None
-    source = ColumnDataSource(
-        {
-            "name": [phase.name for phase in phases],
-            "start": [phase.start_s for phase in phases],
-            "end": [phase.end_s for phase in phases],
-            "time": [phase.end_s - phase.start_s for phase in phases],
-            "which": [f"{phase.sheet + 1}, {phase.attempt + 1}" for phase in phases],
-            "colour": [COLOURS[names.index(phase.name) % len(COLOURS)] for phase in phases],
-        }
-    )
-    bars = drawn.hbar(
-        y="name", left="start", right="end", height=0.7, color="colour", source=source
-    )
-    tips = [
-        ("phase", "@name"),
-        ("from", "@start{0.00} s"),
-        ("to", "@end{0.00} s"),
-        ("takes", "@time{0.00} s"),
-        ("sheet, attempt", "@which"),
+    several = any(phase.sheet or phase.attempt for phase in phases)
+    bars = [
+        Bar(
+            lane=phase.name,
+            start=phase.start_s,
+            end=phase.end_s,
+            told=phase.name
+            + (f", sheet {phase.sheet + 1}, attempt {phase.attempt + 1}" if several else ""),
+            colour=COLOURS[names.index(phase.name) % len(COLOURS)],
+        )
+        for phase in phases
     ]
-    drawn.add_tools(HoverTool(renderers=[bars], tooltips=tips))
-    return drawn
+    return Plot(
+        x=Axis(label="time", unit="s"),
+        y=Axis(label="", unit=""),
+        bars=bars,
+        ranges=Ranges(x=shared),
+        height_px=90 + 17 * len(names),
+    )
 
 
 def stability_panel(panel: Panel) -> Plot:
@@ -225,55 +151,94 @@ def stability_panel(panel: Panel) -> Plot:
     b, k = (np.log10(values) for values in (panel.b, panel.k))
     curves = []
     for i, (alpha, stiffness) in enumerate(panel.stiffness.items()):
-        for field, dash, name in (
-            (panel.sampled[alpha], "solid", f"{alpha:.2f} rad"),
-            (panel.paper / max(stiffness, 1e-12), "dashed", ""),
-        ):
-            ratio = np.log(np.clip(field, 1e-12, 1e12)).T
-            x, y = _boundary(b, k, ratio)
-            curves.append(Curve(name=name, x=x, y=y, colour=COLOURS[i % len(COLOURS)], dash=dash))
-    star = Curve(
-        name="this run",
-        x=np.array([panel.gains[0]]),
-        y=np.array([panel.gains[1]]),
-        colour=RED,
-        marker="star",
+        colour, name = COLOURS[i % len(COLOURS)], f"{alpha:.2f} rad"
+        sampled = _boundary(b, k, panel.sampled[alpha])
+        paper = _boundary(b, k, panel.paper / max(stiffness, 1e-12))
+        curves.append(Curve(name=name, x=sampled[0], y=sampled[1], colour=colour, width=2.0))
+        curves.append(Curve(name="", x=paper[0], y=paper[1], colour=colour, dash="dashed"))
+    gains = [np.array([gain]) for gain in panel.gains]
+    curves.append(Curve(name="this run", x=gains[0], y=gains[1], colour=RED, marker="star"))
+    limits = [Range(low=float(v[0]), high=float(v[-1])) for v in (panel.b, panel.k)]
+    return Plot(
+        x=Axis(label="damping b", unit=panel.units[0], scale="log"),
+        y=Axis(label="stiffness k", unit=panel.units[1], scale="log"),
+        curves=curves,
+        ranges=Ranges(x=limits[0], y=limits[1]),
+        areas=_unstable(b, k, np.minimum.reduce(list(panel.sampled.values()))),
+        title=f"{panel.axis} alone",
     )
-    axes = (
-        Axis(label="damping b", unit=panel.units[0], scale="log"),
-        Axis(label="stiffness k", unit=panel.units[1], scale="log"),
-    )
-    limits = Ranges(x=Range1d(panel.b[0], panel.b[-1]), y=Range1d(panel.k[0], panel.k[-1]))
-    drawn = plot([*curves, star], *axes, ranges=limits, title=f"{panel.axis} alone")
-    worst = np.minimum.reduce(list(panel.sampled.values()))
-    if worst.min() < 1.0:
-        drawn.contour(
-            panel.b,
-            panel.k,
-            worst.T,
-            levels=[0.0, 1.0],
-            fill_color=_BAND,
-            fill_alpha=0.2,
-        )
-    return drawn
 
 
-def _boundary(b: Vector, k: Vector, ratio: Vector) -> tuple[Vector, Vector]:
-    """Return where a field is 0, pieces apart by NaN; b, k as logarithms, returned as gains."""
+def _log_ratio(ratio: Vector) -> Vector:
+    return np.asarray(np.log(np.clip(ratio, 1e-12, 1e12)).T)
+
+
+def _boundary(b: Vector, k: Vector, ratio: Vector) -> Ring:
+    """Return where a ratio is 1, pieces apart by NaN; b, k as logarithms, returned as gains."""
     gap = np.full((1, 2), np.nan)
-    pieces = contourpy.contour_generator(b, k, ratio).lines(0.0)
-    points = np.concatenate(
-        [part for piece in pieces for part in (np.asarray(piece), gap)] or [gap]
-    )
+    pieces = contourpy.contour_generator(b, k, _log_ratio(ratio)).lines(0.0)
+    parts = [part for piece in pieces for part in (np.asarray(piece), gap)]
+    points = np.concatenate(parts or [gap])
     return 10.0 ** points[:, 0], 10.0 ** points[:, 1]
 
 
-def embed(plots: Mapping[str, Plot]) -> tuple[str, dict[str, str]]:
-    """Return the script that draws the plots, and for each name the element that it is drawn in."""
-    script, places = components(dict(plots), wrap_script=False)
-    return str(script), {name: str(place) for name, place in places.items()}
+def _unstable(b: Vector, k: Vector, margin: Vector) -> list[list[Ring]]:
+    """Return the polygons in which a gain margin is below 1."""
+    kind = contourpy.FillType.OuterOffset
+    generator = contourpy.contour_generator(b, k, _log_ratio(margin), fill_type=kind)
+    found: Any = generator.filled(-1e9, 0.0)
+    areas = []
+    for points, offsets in zip(*found, strict=True):
+        rings = [points[i:j] for i, j in pairwise(offsets)]
+        areas.append([(10.0 ** ring[:, 0], 10.0 ** ring[:, 1]) for ring in rings])
+    return areas
+
+
+def plots_json(plots: Mapping[str, Plot]) -> str:
+    """Return what ``report.js`` draws, by name; ranges that plots share are named once."""
+    ranges: dict[Range, int] = {}
+    found = {name: _plain(plot, ranges) for name, plot in plots.items()}
+    shared = [[shown.low, shown.high] for shown in ranges]
+    return json.dumps({"ranges": shared, "plots": found}, allow_nan=False)
+
+
+def _plain(plot: Plot, ranges: dict[Range, int]) -> dict[str, Any]:
+    axes = {
+        name: {
+            "label": axis.label,
+            "unit": axis.unit,
+            "scale": axis.scale,
+            "range": None if shown is None else ranges.setdefault(shown, len(ranges)),
+        }
+        for name, axis, shown in (("x", plot.x, plot.ranges.x), ("y", plot.y, plot.ranges.y))
+    }
+    curves = [
+        {**vars(curve), "x": _packed(curve.x), "y": _packed(curve.y)} for curve in plot.curves
+    ]
+    areas = [[[_packed(x), _packed(y)] for x, y in rings] for rings in plot.areas]
+    plain = {k: v for k, v in vars(plot).items() if k not in ("x", "y", "ranges")}
+    bars = [vars(bar) for bar in plot.bars]
+    return {**plain, **axes, "curves": curves, "areas": areas, "bars": bars}
+
+
+def _packed(values: Vector) -> str:
+    """Return numbers as base64 of single precision: seven digits are more than a screen shows."""
+    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
 def library() -> str:
-    """Return Bokeh's own script, its core alone: it asks nothing of any host."""
-    return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw)
+    """Return Bokeh's own scripts, from its installed package: they ask nothing of any host.
+
+    Raises
+    ------
+    DualbendError
+        Bokeh is not installed as it should be.
+    """
+    # Found, not imported: its Python side is not needed, and takes a second.
+    spec = importlib.util.find_spec("bokeh")
+    folders = [] if spec is None else list(spec.submodule_search_locations or [])
+    for folder in folders:
+        scripts = [Path(folder, "server", "static", "js", name) for name in _SCRIPTS]
+        if all(script.is_file() for script in scripts):
+            return "\n".join(script.read_text(encoding="utf-8") for script in scripts)
+    raise DualbendError(f"bokeh has no {' or '.join(_SCRIPTS)}: looked in {folders}; reinstall it")

@@ -7,7 +7,7 @@ import numpy as np
 from dualbend.analysis.report_bending import ANGLE
 from dualbend.analysis.report_html import Html, join
 from dualbend.analysis.report_parts import Pictures, Section, note, side_by_side
-from dualbend.analysis.report_plots import BLUE, ORANGE, Axis, Curve, plot, stability_panel
+from dualbend.analysis.report_plots import BLUE, ORANGE, Axis, Curve, Plot, stability_panel
 from dualbend.analysis.stability import Prediction, predict
 from dualbend.analysis.stability_map import stability_map
 from dualbend.errors import InputError
@@ -51,7 +51,7 @@ def _along(prediction: Prediction, pictures: Pictures) -> Html:
         shown = np.where(np.isfinite(values), values, np.nan)
         axis = Axis(label=name, unit=unit, scale="linear")
         curve = Curve(name="sampled loop", x=alpha, y=shown, colour=colour, width=2.0)
-        drawn = plot([curve], ANGLE, axis, levels=[level], height_px=280)
+        drawn = Plot(curves=[curve], x=ANGLE, y=axis, levels=[level], height_px=280)
         alt = f"{name} over bending angle, {np.nanmin(shown):.3g} to {np.nanmax(shown):.3g} {unit}"
         figures.append(pictures.add(drawn, f"{name.capitalize()} along the path. {words}", alt))
     return side_by_side(*figures)

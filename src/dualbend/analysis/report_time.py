@@ -14,11 +14,12 @@ from dualbend.analysis.report_plots import (
     PURPLE,
     Axis,
     Curve,
+    Plot,
     Range,
     Ranges,
     common,
+    every_second,
     phase_lanes,
-    plot,
 )
 from dualbend.run.saved import SavedRun
 from dualbend.scene.cell import SIDES
@@ -47,7 +48,13 @@ def wrench_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
     ranges = Ranges(x=shared)
     figures = []
     for name, unit, curves in (("force", "N", force), ("moment", "mN m", moment)):
-        drawn = plot(curves, TIME, Axis(label=name, unit=unit), ranges=ranges, bands=bands)
+        drawn = Plot(
+            curves=curves,
+            x=TIME,
+            y=Axis(label=name, unit=unit),
+            ranges=ranges,
+            bands=every_second(bands),
+        )
         words = "; ".join(f"{c.name}: {_span(c.y)} {unit}" for c in curves)
         figures.append(pictures.add(drawn, _WRENCH_CAPTIONS[name], f"{name} over time. {words}"))
     return Section(title="Wrench on both arms", body=side_by_side(*figures))
@@ -82,7 +89,13 @@ def deviation_section(run: SavedRun, pictures: Pictures, shared: Range) -> Secti
             Curve(name=side, x=time, y=factor * run[f"{side}_deviation_{part}"], colour=colour)
             for side, colour in zip(sides, (BLUE, GREEN), strict=False)
         ]
-        drawn = plot(curves, TIME, Axis(label=label, unit=unit), ranges=ranges, bands=bands)
+        drawn = Plot(
+            curves=curves,
+            x=TIME,
+            y=Axis(label=label, unit=unit),
+            ranges=ranges,
+            bands=every_second(bands),
+        )
         words = "; ".join(f"{c.name}: {_span(c.y)} {unit}" for c in curves)
         figures.append(pictures.add(drawn, f"{label.capitalize()}.", f"{label}. {words}"))
     return Section(title="What the compliance gave", body=side_by_side(*figures))
