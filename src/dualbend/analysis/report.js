@@ -100,7 +100,7 @@
       y: {field: "y"}, left: {field: "left"}, right: {field: "right"}, height: 0.7,
       fill_color: {field: "colour"}, line_color: null, source,
     });
-    figure.add_tools(new Bokeh.HoverTool({renderers: [bars], tooltips: [
+    figure.add_tools(new Bokeh.HoverTool({renderers: [bars], visible: false, tooltips: [
       ["phase", "@told"], ["from", "@left{0.00} s"], ["to", "@right{0.00} s"],
       ["takes", "@takes{0.00} s"],
     ]}));

@@ -65,7 +65,7 @@ def report(runs: Sequence[SavedRun]) -> str:
     if len(runs) > 1:
         chapters.insert(0, ("Side by side", _side_by_side(runs, names, pictures)))
     chapters.append(("Known limitations", [_limitations()]))
-    return _document(" and ".join(names), _body(chapters), pictures.plots)
+    return _document(", ".join(names), _body(chapters), pictures.plots)
 
 
 def run_names(runs: Sequence[SavedRun]) -> list[str]:
@@ -131,7 +131,7 @@ def _side_by_side(
         figures = [
             pictures.add(
                 moment_plot(of_run, run, ranges, title=_panel_title(run, name)),
-                f"{_panel_title(run, name)}: {describe_peak(of_run[2])}.",
+                f"{_panel_title(run, name)}: {describe_peak(of_run[2])}{_by_piece(run)}.",
                 f"Moment over bending angle of {name}. "
                 + "; ".join(describe_peak(line) for line in of_run),
             )
@@ -146,6 +146,14 @@ def _side_by_side(
         )
     sections.append(Section(title="Metrics", body=metrics_table(runs, names)))
     return sections
+
+
+def _by_piece(run: SavedRun) -> str:
+    metric = run.summary.metrics.get("peak_moment_by_piece")
+    if metric is None or not isinstance(metric.value, list):
+        return ""
+    peaks = ["–" if peak is None else f"{1e3 * peak:.1f}" for peak in metric.value]
+    return f"; by piece of the path {', '.join(peaks)} mN m"
 
 
 def _panel_title(run: SavedRun, name: str) -> str:

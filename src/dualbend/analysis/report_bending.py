@@ -45,6 +45,7 @@ _LOOKS: dict[str, tuple[str, float, Literal["solid", "dashed", "dotted"]]] = {
     "oracle, nominal path": (GREEN, 1.4, "dashed"),
     "oracle, recorded poses": (PURPLE, 1.4, "dotted"),
 }
+_PALE = "#94a3b866"
 _NOT_BENT = "The run ended before it bent the sheet."
 
 
@@ -166,19 +167,14 @@ def shape_section(run: SavedRun, pictures: Pictures) -> Section:
     for i, shape in enumerate(found):
         colour = COLOURS[i % len(COLOURS)]
         name = f"{shape.alpha_rad:.2f} rad"
+        theory = 1e3 * shape.elastica_x_m, 1e3 * shape.elastica_z_m
         curves += [
-            Curve(name=name, x=1e3 * shape.x_m, y=1e3 * shape.z_m, colour=colour, width=2.0),
-            Curve(
-                name="",
-                x=1e3 * shape.elastica_x_m,
-                y=1e3 * shape.elastica_z_m,
-                colour=GREY,
-                dash="dashed",
-            ),
+            Curve(name="", x=theory[0], y=theory[1], colour=_PALE, width=6.0),
+            Curve(name=name, x=1e3 * shape.x_m, y=1e3 * shape.z_m, colour=colour, width=1.6),
         ]
     axes = (Axis(label="x", unit="mm"), Axis(label="z from the ends", unit="mm"))
     caption = (
-        "Side view, x and z not on one scale. Coloured: the simulated strips; dashed grey: the "
+        "Side view, x and z not on one scale. Coloured: the simulated strips; broad and grey: the "
         "zero-moment elastica of the sheet's own end slope. The arms lag behind the nominal angle, "
         "which names each shape."
     )

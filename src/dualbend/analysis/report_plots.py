@@ -151,9 +151,11 @@ def stability_panel(panel: Panel) -> Plot:
     b, k = (np.log10(values) for values in (panel.b, panel.k))
     curves = []
     for i, (alpha, stiffness) in enumerate(panel.stiffness.items()):
-        colour, name = COLOURS[i % len(COLOURS)], f"{alpha:.2f} rad"
+        colour = COLOURS[i % len(COLOURS)]
         sampled = _boundary(b, k, panel.sampled[alpha])
         paper = _boundary(b, k, panel.paper / max(stiffness, 1e-12))
+        drawn = np.isfinite(sampled[0]).any() or np.isfinite(paper[0]).any()
+        name = f"{alpha:.2f} rad" if drawn else ""
         curves.append(Curve(name=name, x=sampled[0], y=sampled[1], colour=colour, width=2.0))
         curves.append(Curve(name="", x=paper[0], y=paper[1], colour=colour, dash="dashed"))
     gains = [np.array([gain]) for gain in panel.gains]

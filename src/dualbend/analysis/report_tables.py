@@ -22,12 +22,19 @@ def metrics_table(runs: Sequence[SavedRun], names: Sequence[str]) -> Html:
         (
             name.replace("_", " "),
             *(_value(run.summary.metrics.get(name), unit) for run in runs),
-            "–" if unit == "1" else unit,
+            "–" if unit == "1" else _unbroken(unit),
         )
         for name, unit in known.items()
     ]
     numeric = range(1, len(runs) + 1)
-    return table("Metrics, moments of the bending phase", ("metric", *names, "unit"), rows, numeric)
+    laid = any(run.scenario.assembly is not None for run in runs)
+    of = "of an assembly those of all phases, else of the bending" if laid else "while bending"
+    caption = f"Metrics; moments and forces are true ones, {of}"
+    return table(caption, ("metric", *names, "unit"), rows, numeric)
+
+
+def _unbroken(unit: str) -> str:
+    return unit.replace(" ", "\u00a0")
 
 
 def _value(metric: SavedMetric | None, unit: str) -> str:
@@ -60,7 +67,7 @@ def _settings(caption: str, settings: Sequence[Setting]) -> Html:
         (
             element("code", setting.key),
             setting.value,
-            setting.unit,
+            _unbroken(setting.unit),
             "–" if setting.default == "required" else setting.default,
             setting.description,
         )

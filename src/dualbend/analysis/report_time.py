@@ -26,6 +26,9 @@ from dualbend.scene.cell import SIDES
 
 TIME = Axis(label="time", unit="s")
 
+_WIDTHS = (3.2, 1.4)
+"""Left and right: where both are equal, the second is seen on the first."""
+
 
 def time_range(run: SavedRun) -> Range:
     """Return the range that a run's plots over time share."""
@@ -37,13 +40,19 @@ def wrench_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
     bands, time = phases(run), run["time"]
     looks = ((BLUE, ORANGE), (GREEN, PURPLE))
     force = [
-        Curve(name=f"{side} {axis}", x=time, y=run[f"{side}_true_force_{axis}"], colour=colour)
-        for side, pair in zip(SIDES, looks, strict=True)
+        Curve(
+            name=f"{side} {axis}",
+            x=time,
+            y=run[f"{side}_true_force_{axis}"],
+            colour=colour,
+            width=w,
+        )
+        for side, w, pair in zip(SIDES, _WIDTHS, looks, strict=True)
         for axis, colour in zip("xz", pair, strict=True)
     ]
     moment = [
-        Curve(name=side, x=time, y=1e3 * run[f"{side}_true_moment_y"], colour=pair[0])
-        for side, pair in zip(SIDES, looks, strict=True)
+        Curve(name=side, x=time, y=1e3 * run[f"{side}_true_moment_y"], colour=pair[0], width=w)
+        for side, w, pair in zip(SIDES, _WIDTHS, looks, strict=True)
     ]
     ranges = Ranges(x=shared)
     figures = []

@@ -29,6 +29,7 @@ for _command in (
     judge.check,
     judge.compare,
     report.report,
+    report.figures,
     files.list_command,
     files.new,
     files.schema,

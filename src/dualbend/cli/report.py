@@ -33,3 +33,36 @@ def report(runs: tuple[Path, ...], out: Path | None) -> None:
         out = runs[0] / "report.html" if len(runs) == 1 else Path("report.html")
     write_report(runs, out)
     click.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
+
+
+@click.command(epilog=examples("dualbend figures --out figures"))
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("figures"),
+    show_default=True,
+    help="Folder for runs, pictures and page.",
+)
+def figures(out: Path) -> None:
+    """Make the paper's Figs. 6, 8 and 9 from nothing.
+
+    Runs fig6, fig8 and fig9 and leaves each figure and all beside each other as PNG and SVG, and
+    the report of the three runs.
+    """
+    from dualbend.analysis.figures_paper import make_figures
+    from dualbend.analysis.report import PAPER_FIGURES
+
+    runs = make_figures(out, lambda run: click.echo(f"{run.scenario.name} done", err=True))
+    click.echo("figure   scenario  largest  by piece of the path, true moment [mN m]")
+    for run in runs:
+        metrics = run.summary.metrics
+        peak, pieces = (_millis(metrics[n].value) for n in ("peak_moment", "peak_moment_by_piece"))
+        click.echo(f"{PAPER_FIGURES[run.scenario.name]:<8} {run.scenario.name:<8}  {peak} {pieces}")
+    click.echo(f"pictures and report.html in {out}")
+
+
+def _millis(value: float | list[float | None] | None) -> str:
+    """Return values in thousandths of their unit."""
+    if isinstance(value, list):
+        return " ".join(_millis(item) for item in value)
+    return f"{'-':>7}" if value is None else f"{1e3 * value:7.1f}"
