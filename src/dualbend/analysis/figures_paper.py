@@ -15,11 +15,15 @@ mpl.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dualbend.analysis.metrics import summary
 from dualbend.analysis.report import PAPER_FIGURES, write_report
 from dualbend.analysis.report_bending import knots_of
 from dualbend.analysis.report_data import Line, moment_lines, oracle_on_path
 from dualbend.errors import InputError
+from dualbend.run import output
+from dualbend.run.make import make_run
 from dualbend.run.saved import SavedRun, load_run
+from dualbend.run.scenario import load_scenario
 
 PROCESSES = 2
 FORMATS = ("png", "svg")
@@ -28,12 +32,18 @@ _LOOKS = {
     "raw": ("0.75", 0.7, "solid"),
     "filtered": ("tab:orange", 0.9, "solid"),
     "true": ("tab:blue", 1.8, "solid"),
-    "oracle, nominal path": ("tab:green", 1.2, "dashed"),
+    "oracle, nominal": ("tab:green", 1.2, "dashed"),
 }
 
 
-def make_figures(out: Path, on_done: Callable[[SavedRun], None] = lambda _: None) -> list[SavedRun]:
+def make_figures(
+    out: Path,
+    settings: Sequence[str] = (),
+    on_done: Callable[[SavedRun], None] = lambda _: None,
+) -> list[SavedRun]:
     """Run the three scenarios into ``out`` and write pictures and page; return the runs.
+
+    ``settings``: what is set otherwise in all three, as ``--set`` has it.
 
     ``out`` gets a folder for each run, ``fig6``, ``fig8``, ``fig9`` and ``figures`` as PNG and
     SVG, and ``report.html``. ``on_done`` is called with each run as it is done.
@@ -43,12 +53,12 @@ def make_figures(out: Path, on_done: Callable[[SavedRun], None] = lambda _: None
     InputError
         ``out`` cannot be written to, or a process died.
     """
-    from dualbend.run.output import prepare_folder  # noqa: PLC0415 - imports MuJoCo
-
     folders = {name: out / name for name in PAPER_FIGURES}
     for folder in folders.values():
-        prepare_folder(folder)
-    _run_all(folders, on_done)
+        output.prepare_folder(folder)
+    for name in folders:
+        load_scenario(name, settings)
+    _run_all(folders, settings, on_done)
     runs = [load_run(folder) for folder in folders.values()]
     try:
         write_pictures(runs, out)
@@ -58,11 +68,16 @@ def make_figures(out: Path, on_done: Callable[[SavedRun], None] = lambda _: None
     return runs
 
 
-def _run_all(folders: dict[str, Path], on_done: Callable[[SavedRun], None]) -> None:
+def _run_all(
+    folders: dict[str, Path], settings: Sequence[str], on_done: Callable[[SavedRun], None]
+) -> None:
     context = multiprocessing.get_context("spawn")
     try:
         with ProcessPoolExecutor(min(PROCESSES, len(folders)), mp_context=context) as pool:
-            futures = {pool.submit(_run, name, folder): folder for name, folder in folders.items()}
+            futures = {
+                pool.submit(_run, name, tuple(settings), folder): folder
+                for name, folder in folders.items()
+            }
             for future in as_completed(futures):
                 future.result()
                 on_done(load_run(futures[future]))
@@ -70,15 +85,11 @@ def _run_all(folders: dict[str, Path], on_done: Callable[[SavedRun], None]) -> N
         raise InputError(f"a process was ended from outside ({error}); run it again") from error
 
 
-def _run(name: str, folder: Path) -> None:
+def _run(name: str, settings: Sequence[str], folder: Path) -> None:
     """Run a scenario and leave what a report is made from."""
-    from dualbend.analysis.metrics import summary  # noqa: PLC0415
-    from dualbend.run import output  # noqa: PLC0415
-    from dualbend.run.make import make_run  # noqa: PLC0415
-    from dualbend.run.scenario import load_scenario  # noqa: PLC0415
-
-    result = make_run(load_scenario(name)).run()
+    result = make_run(load_scenario(name, settings)).run()
     try:
+        (folder / "trace.arrow").unlink(missing_ok=True)  # of an earlier run that was killed
         output.write_scenario(result, folder / "scenario.toml")
         output.write_trace(result, folder / "trace.parquet")
         output.write_summary(summary(result), folder / "summary.json")

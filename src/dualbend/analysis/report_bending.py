@@ -42,8 +42,8 @@ _LOOKS: dict[str, tuple[str, float, Literal["solid", "dashed", "dotted"]]] = {
     "raw": (GREY, 0.8, "solid"),
     "filtered": (ORANGE, 1.2, "solid"),
     "true": (BLUE, 2.2, "solid"),
-    "oracle, nominal path": (GREEN, 1.4, "dashed"),
-    "oracle, recorded poses": (PURPLE, 1.4, "dotted"),
+    "oracle, nominal": (GREEN, 1.4, "dashed"),
+    "oracle, recorded": (PURPLE, 1.4, "dotted"),
 }
 _PALE = "#94a3b866"
 _NOT_BENT = "The run ended before it bent the sheet."

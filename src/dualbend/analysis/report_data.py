@@ -99,7 +99,7 @@ def oracle_on_path(run: SavedRun) -> Line:
         axial_stiffness_n=sheet.axial_stiffness_n,
     )
     moment = [state.end_moment_nm if state.converged else np.nan for state in states]
-    return Line(name="oracle, nominal path", x=alphas, y=1e3 * np.array(moment))
+    return Line(name="oracle, nominal", x=alphas, y=1e3 * np.array(moment))
 
 
 def oracle_at_edges(run: SavedRun) -> Line:
@@ -111,7 +111,7 @@ def oracle_at_edges(run: SavedRun) -> Line:
         for s in _rods(run, chosen)
     ]
     return Line(
-        name="oracle, recorded poses",
+        name="oracle, recorded",
         x=run["nominal_alpha"][chosen],
         y=1e3 * np.array(moments),
     )

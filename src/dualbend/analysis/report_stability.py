@@ -9,7 +9,7 @@ from dualbend.analysis.report_html import Html, join
 from dualbend.analysis.report_parts import Pictures, Section, note, side_by_side
 from dualbend.analysis.report_plots import BLUE, ORANGE, Axis, Curve, Plot, stability_panel
 from dualbend.analysis.stability import Prediction, predict
-from dualbend.analysis.stability_map import stability_map
+from dualbend.analysis.stability_map import Panel, stability_map
 from dualbend.errors import InputError
 from dualbend.run.scenario import Scenario
 
@@ -34,6 +34,16 @@ def stability_section(scenario: Scenario, pictures: Pictures) -> Section:
 def _ranges(prediction: Prediction) -> str:
     parts = [f"from {low:.2f} to {high:.2f} rad" for low, high in prediction.unstable_rad]
     return f" Unstable {', '.join(parts)}." if parts else ""
+
+
+def _beyond(panel: Panel) -> str:
+    """Return what is said where a boundary has no line because it lies outside the map."""
+    said = ""
+    if all(float(panel.paper.min()) > stiffness for stiffness in panel.stiffness.values()):
+        said += " All of this range is stable by (23)."
+    if all(float(margin.min()) > 1.0 for margin in panel.sampled.values()):
+        said += " All of it is stable as the sampled loop."
+    return said
 
 
 def _along(prediction: Prediction, pictures: Pictures) -> Html:
@@ -66,7 +76,7 @@ def _map(scenario: Scenario, prediction: Prediction, pictures: Pictures) -> Html
             stability_panel(panel),
             f"Boundary of stability of {panel.axis} alone at some bending angles; star: this run's "
             "gains. Solid: the sampled loop, unstable where shaded; dashed: the paper's (23), "
-            "without delay. An angle without a line has no boundary in this range.",
+            f"without delay.{_beyond(panel)}",
             f"Map of {panel.axis}: the run has b = {panel.gains[0]:g} {panel.units[0]}, "
             f"k = {panel.gains[1]:g} {panel.units[1]}",
         )

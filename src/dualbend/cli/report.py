@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from dualbend.cli.common import examples
+from dualbend.cli.common import SETTINGS, examples
 
 
 @click.command(
@@ -43,7 +43,8 @@ def report(runs: tuple[Path, ...], out: Path | None) -> None:
     show_default=True,
     help="Folder for runs, pictures and page.",
 )
-def figures(out: Path) -> None:
+@SETTINGS
+def figures(out: Path, settings: tuple[str, ...]) -> None:
     """Make the paper's Figs. 6, 8 and 9 from nothing.
 
     Runs fig6, fig8 and fig9 and leaves each figure and all beside each other as PNG and SVG, and
@@ -52,12 +53,15 @@ def figures(out: Path) -> None:
     from dualbend.analysis.figures_paper import make_figures
     from dualbend.analysis.report import PAPER_FIGURES
 
-    runs = make_figures(out, lambda run: click.echo(f"{run.scenario.name} done", err=True))
+    runs = make_figures(
+        out, settings, lambda run: click.echo(f"{run.scenario.name} done", err=True)
+    )
     click.echo("figure   scenario  largest  by piece of the path, true moment [mN m]")
     for run in runs:
         metrics = run.summary.metrics
         peak, pieces = (_millis(metrics[n].value) for n in ("peak_moment", "peak_moment_by_piece"))
-        click.echo(f"{PAPER_FIGURES[run.scenario.name]:<8} {run.scenario.name:<8}  {peak} {pieces}")
+        name, outcome = run.scenario.name, run.summary.outcome
+        click.echo(f"{PAPER_FIGURES[name]:<8} {name:<8}  {peak} {pieces}  {outcome}")
     click.echo(f"pictures and report.html in {out}")
 
 
