@@ -18,6 +18,8 @@ HOMES = {
     "rerun": "run/recording",  # one home of several rooms: recording.py, recording_*.py
     "matplotlib": "analysis/figures",
     "mpl_toolkits": "analysis/figures",
+    "bokeh": "analysis/report_plots.py",
+    "contourpy": "analysis/report_plots.py",
 }
 NO_MUJOCO = ("beam", "control")
 
@@ -102,7 +104,7 @@ def test_lazy_libraries_are_not_loaded_by_the_loop() -> None:
 
     code = (
         "import sys, dualbend.run.runner; "
-        "print([m for m in ('rerun', 'matplotlib') if m in sys.modules])"
+        "print([m for m in ('rerun', 'matplotlib', 'bokeh') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -7,8 +7,10 @@ from dualbend.errors import DualbendError
 _PACKAGE = Path(__file__).resolve().parent
 
 
-def _find(name: str) -> Path:
+def _find(name: str, holding: str = "") -> Path:
     """Return the folder inside the installed package, else at the top of the checkout.
+
+    ``holding``: a file that it must have.
 
     Raises
     ------
@@ -18,7 +20,7 @@ def _find(name: str) -> Path:
     # src/dualbend/resources.py: two levels above the package is the checkout.
     candidates = (_PACKAGE / name, _PACKAGE.parents[1] / name)
     for folder in candidates:
-        if folder.is_dir():
+        if folder.is_dir() and (folder / holding).exists():
             return folder
     looked = " or ".join(str(folder) for folder in candidates)
     raise DualbendError(f"no folder {name!r}: looked for {looked}; reinstall dualbend")
@@ -32,3 +34,8 @@ def models_dir() -> Path:
 def scenarios_dir() -> Path:
     """Return the folder that holds the scenario TOML files."""
     return _find("scenarios")
+
+
+def limitations_file() -> Path:
+    """Return the page of known limitations, which every report quotes."""
+    return _find("docs", "limitations.md") / "limitations.md"

@@ -107,12 +107,13 @@ def _panel(
         row.alpha_rad: axis_alone(elements, e, row.moving, axis).felt(Z_INVERSE)[:, 0, 0]
         for row, e in zip(shown, at, strict=True)
     }
+    filters = _filters(config, axis, factors)
     return Panel(
         axis=axis,
         units=gain_units(config, axis),
         b=b,
         k=k,
-        sampled={alpha: _gain_margins(config, axis, gain, factors) for alpha, gain in felt.items()},
+        sampled={alpha: _gain_margins(gain, *filters) for alpha, gain in felt.items()},
         paper=largest_stiffness(
             b[:, np.newaxis] * factor,
             k[np.newaxis] * factor,
@@ -150,31 +151,39 @@ def axis_alone(
     return SampledLoop(elements, at.loops[way], acting, at.inertia, at.arms[way])
 
 
-def _gain_margins(
-    config: AdmittanceConfig,
-    axis: Literal["x", "rotation"],
-    felt: ComplexVector,
-    factors: tuple[Vector, Vector],
-) -> Vector:
-    """Return the gain margin (n, m) of the sampled loop; 1 is the boundary.
+def _filters(
+    config: AdmittanceConfig, axis: Literal["x", "rotation"], factors: tuple[Vector, Vector]
+) -> tuple[Vector, dict[int, ComplexVector]]:
+    """Return the filter's factor g (n, m), and by diagonal of the map its shape 1/(1 − a z⁻¹).
 
-    With H = g/(1 − a z⁻¹) the boundary depends on the pole a, so on k/b, and on g as a factor
-    only: one sweep for each diagonal of the map does.
+    The pole a depends on k/b only, which is one for each diagonal.
     """
     given = config.x if axis == "x" else config.rotation
     assert given is not None
     along_b, along_k = factors
-    found = np.empty((along_b.size, along_k.size))
-    by_diagonal: dict[int, float] = {}
+    gains = np.empty((along_b.size, along_k.size))
+    shapes: dict[int, ComplexVector] = {}
     for i, of_b in enumerate(along_b):
         for j, of_k in enumerate(along_k):
             changed = msgspec.structs.replace(given, b=given.b * of_b, k=given.k * of_k)
             filters = Admittance(msgspec.structs.replace(config, **{axis: changed}))
             part = filters.x if axis == "x" else filters.rotation
             assert part is not None
-            if j - i not in by_diagonal:
-                shape = rational((np.ones(1), part.transfer_function()[1]), Z_INVERSE)
-                locus = (felt * shape)[:, np.newaxis]
-                by_diagonal[j - i] = margins(FREQUENCIES_HZ, locus, stable=True).gain
-            found[i, j] = by_diagonal[j - i] / part.gain
-    return found
+            gains[i, j] = part.gain
+            if j - i not in shapes:
+                shapes[j - i] = rational((np.ones(1), part.transfer_function()[1]), Z_INVERSE)
+    return gains, shapes
+
+
+def _gain_margins(felt: ComplexVector, gains: Vector, shapes: dict[int, ComplexVector]) -> Vector:
+    """Return the gain margin (n, m) of the sampled loop; 1 is the boundary.
+
+    With H = g/(1 − a z⁻¹), g is a factor only: one sweep for each diagonal of the map does.
+    """
+    of_diagonal = {
+        diagonal: margins(FREQUENCIES_HZ, (felt * shape)[:, np.newaxis], stable=True).gain
+        for diagonal, shape in shapes.items()
+    }
+    n, m = gains.shape
+    along = [[of_diagonal[j - i] for j in range(m)] for i in range(n)]
+    return np.asarray(np.array(along) / gains)

@@ -7,7 +7,7 @@ Heavy imports happen inside the commands.
 
 import click
 
-from dualbend.cli import assembly, files, judge, runs, stability, sweep, theory
+from dualbend.cli import assembly, files, judge, report, runs, stability, sweep, theory
 from dualbend.cli.common import Commands, examples
 
 
@@ -28,6 +28,8 @@ for _command in (
     theory.audit,
     judge.check,
     judge.compare,
+    report.report,
+    report.figures,
     files.list_command,
     files.new,
     files.schema,

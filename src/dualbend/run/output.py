@@ -66,7 +66,12 @@ def trace_kept(run: Run, folder: Path) -> Iterator[Callable[[], None]]:
     """
     path = folder / "trace.arrow"
     scenario = run.scenario
-    metadata = {"scenario": scenario.name, "seed": str(scenario.seed), "outcome": "unknown"}
+    metadata = {
+        "scenario": scenario.name,
+        "seed": str(scenario.seed),
+        "outcome": "unknown",
+        "scenario_toml": scenario.to_toml(),
+    }
     stream = TraceStream(path, metadata)
     try:
         yield lambda: stream.update(run.trace)

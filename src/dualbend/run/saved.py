@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.metadata
+import json
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +14,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from dualbend.errors import InputError
-from dualbend.run.scenario import Scenario, load_scenario
+from dualbend.run.scenario import Scenario, load_scenario, parse_scenario
 from dualbend.run.trace import read_trace
 from dualbend.scene.cell import SIDES
 from dualbend.task import assembly_motion, bending
@@ -23,6 +26,11 @@ FILES = ("scenario.toml", "summary.json", "trace.parquet")
 
 _STREAM = "trace.arrow"
 
+UNFINISHED = "ended from outside"
+"""Outcome of a run that did not live to write its summary."""
+
+TableRow = dict[str, str | float | bool | None]
+
 
 class SavedMetric(msgspec.Struct, frozen=True):
     """A metric as ``summary.json`` holds it."""
@@ -32,7 +40,7 @@ class SavedMetric(msgspec.Struct, frozen=True):
 
 
 class SavedSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """The part of ``summary.json`` that every kind of run has."""
+    """``summary.json``; the tables of phases, holes and pins are an assembly's."""
 
     scenario: str
     seed: int
@@ -41,6 +49,9 @@ class SavedSummary(msgspec.Struct, frozen=True, kw_only=True):
     controller: str = ""
     versions: dict[str, str]
     metrics: dict[str, SavedMetric]
+    phases: list[TableRow] = []
+    holes: list[TableRow] = []
+    pins: list[TableRow] = []
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,9 +78,16 @@ class SavedRun:
         """The arm that the summary speaks of: the left one where both sense."""
         return next(side for side in SIDES if side in self.scenario.arms.sensing)
 
+    @property
+    def model_sha256(self) -> str:
+        """Hash of the compiled model, "" where the trace does not say it."""
+        return _metadata(self.table).get("model_sha256", "")
 
-def load_run(folder: Path) -> SavedRun:
+
+def load_run(folder: Path, *, unfinished: bool = False) -> SavedRun:
     """Return the run whose files are in ``folder``.
+
+    With ``unfinished``, also what a killed run left: its rows and its scenario, no metrics.
 
     Raises
     ------
@@ -78,6 +96,9 @@ def load_run(folder: Path) -> SavedRun:
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; it should be one that dualbend run left")
+    # Beside a run's files it is of a later run: one that finishes takes it away.
+    if unfinished and (folder / _STREAM).is_file():
+        return _load_unfinished(folder)
     missing = [name for name in FILES if not (folder / name).is_file()]
     if missing and (folder / _STREAM).is_file():
         raise InputError(
@@ -93,13 +114,50 @@ def load_run(folder: Path) -> SavedRun:
     try:
         scenario = load_scenario(str(scenario_file))
     except InputError as error:
-        raise InputError(f"{folder}: {error}") from error
+        raise InputError(f"{folder}: {error}{_by_another_version(summary_file)}") from error
     return SavedRun(
         folder=folder,
         scenario=scenario,
         summary=_read_summary(summary_file),
         table=_whole_trace(trace_file),
     )
+
+
+def _load_unfinished(folder: Path) -> SavedRun:
+    path = folder / _STREAM
+    table = _whole_trace(path)
+    text = _metadata(table).get("scenario_toml")
+    if text is None:
+        raise InputError(f"{path}: does not say which scenario it is of; run it again")
+    scenario = parse_scenario(text, str(path))
+    summary = SavedSummary(
+        scenario=scenario.name,
+        seed=scenario.seed,
+        outcome=UNFINISHED,
+        reason=f"killed, or still running; {_STREAM} has {table.num_rows} cycles",
+        versions={},
+        metrics={},
+    )
+    return SavedRun(folder=folder, scenario=scenario, summary=summary, table=table)
+
+
+def _metadata(table: pa.Table) -> dict[str, str]:
+    """Return what a trace says of its run."""
+    with suppress(ValueError):
+        found = json.loads((table.schema.metadata or {}).get(b"dualbend", b"{}"))
+        if isinstance(found, dict):
+            return {str(key): str(value) for key, value in found.items()}
+    return {}
+
+
+def _by_another_version(summary_file: Path) -> str:
+    """Return which version made the run, where that is not the present one."""
+    with suppress(InputError):
+        made = _read_summary(summary_file).versions.get("dualbend", "")
+        here = importlib.metadata.version("dualbend")
+        if made != here:
+            return f" (the run was made by dualbend {made or 'of unknown version'}, this is {here})"
+    return ""
 
 
 def _read_summary(path: Path) -> SavedSummary:
@@ -111,6 +169,8 @@ def _read_summary(path: Path) -> SavedSummary:
 
 def _whole_trace(path: Path) -> pa.Table:
     table = read_trace(path)
+    if not table.num_rows and path.name == _STREAM:
+        raise InputError(f"{path}: the run was ended before its first second was kept")
     needed = {"time", "phase", "nominal_alpha"} - set(table.column_names)
     if needed:
         raise InputError(

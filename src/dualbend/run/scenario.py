@@ -247,6 +247,21 @@ def _comes_late(setting: str) -> bool:
     return not (key.endswith(".kind") or key.startswith("arm."))
 
 
+def parse_scenario(text: str, source: str) -> Scenario:
+    """Return the scenario that a resolved TOML text is; ``source`` is named in an error.
+
+    Raises
+    ------
+    InputError
+        It is no TOML, or no scenario.
+    """
+    try:
+        data = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{source}: no valid TOML: {error}") from error
+    return _convert(data, source)
+
+
 def _find(name_or_file: str) -> Path:
     path = Path(name_or_file)
     try:

@@ -74,6 +74,7 @@ class Trace:
         for name, parts in (("grip", _POSE), ("edge", _POSE), ("true", _WRENCH)):
             self._declare(name, [(f"{s}_{name}_{p}", u) for s in SIDES for p, u in parts])
         self._declare("sag", [("sag", "m")])
+        self._declare("bend", [(f"bend_{i:03d}", "rad") for i in range(hinges)])
         self._declare(
             "deviation",
             [(f"{s}_deviation_{p}", u) for s in SIDES for p, u in (("x", "m"), ("alpha", "rad"))],
@@ -101,7 +102,6 @@ class Trace:
         self.rows = 0
         self._table = np.full((cycles, len(self.columns)), np.nan)
         self._qpos = np.empty((cycles, qpos_size))
-        self._bends = np.empty((cycles, hinges))
 
     def _declare(self, group: str, columns: list[tuple[str, str]]) -> None:
         start = len(self.columns)
@@ -125,10 +125,10 @@ class Trace:
         row[at["edge"]] = seen.edge.ravel()
         row[at["true"]] = seen.wrench.ravel()
         row[at["sag"]] = seen.sag
+        row[at["bend"]] = bends
         row[at["q"]] = seen.q
         row[at["torque"]] = seen.torque
         self._qpos[self.rows] = qpos
-        self._bends[self.rows] = bends
         if self.rows:
             row[at["task"]] = self._table[self.rows - 1][at["task"]]
         self.rows += 1
@@ -168,7 +168,7 @@ class Trace:
         """Return the rows from ``first`` to before ``last``, in the same memory: to read only."""
         part = copy.copy(self)
         part._table = self._table[first:last]
-        part._qpos, part._bends = self._qpos[first:last], self._bends[first:last]
+        part._qpos = self._qpos[first:last]
         part.rows = last - first
         return part
 
@@ -180,7 +180,7 @@ class Trace:
     @property
     def bends(self) -> Vector:
         """Angles of the bending hinges (rows, hinges) [rad]."""
-        return self._bends[: self.rows]
+        return self._table[: self.rows, self._slices["bend"]]
 
     def table(self, metadata: dict[str, str], first: int = 0) -> pa.Table:
         """Return the trace from row ``first`` on as an Arrow table, each field with its unit."""

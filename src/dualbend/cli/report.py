@@ -1,0 +1,72 @@
+"""Commands that make pages and pictures that people read: report, figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from dualbend.cli.common import SETTINGS, examples
+
+
+@click.command(
+    epilog=examples(
+        "dualbend report runs/fig8", "dualbend report runs/fig6 runs/fig8 --out both.html"
+    )
+)
+@click.argument(
+    "runs", nargs=-1, required=True, metavar="DIR [DIR ...]", type=click.Path(path_type=Path)
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="HTML file.  [default: report.html in the folder of one run, else here]",
+)
+def report(runs: tuple[Path, ...], out: Path | None) -> None:
+    """Make one HTML page of runs, to open offline.
+
+    DIR is a folder that dualbend run left. Several are put side by side on one scale.
+    """
+    from dualbend.analysis.report import write_report
+
+    if out is None:
+        out = runs[0] / "report.html" if len(runs) == 1 else Path("report.html")
+    write_report(runs, out)
+    click.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
+
+
+@click.command(epilog=examples("dualbend figures --out figures"))
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("figures"),
+    show_default=True,
+    help="Folder for runs, pictures and page.",
+)
+@SETTINGS
+def figures(out: Path, settings: tuple[str, ...]) -> None:
+    """Make the paper's Figs. 6, 8 and 9 from nothing.
+
+    Runs fig6, fig8 and fig9 and leaves each figure and all beside each other as PNG and SVG, and
+    the report of the three runs.
+    """
+    from dualbend.analysis.figures_paper import make_figures
+    from dualbend.analysis.report import PAPER_FIGURES
+
+    runs = make_figures(
+        out, settings, lambda run: click.echo(f"{run.scenario.name} done", err=True)
+    )
+    click.echo("figure   scenario  largest  by piece of the path, true moment [mN m]")
+    for run in runs:
+        metrics = run.summary.metrics
+        peak, pieces = (_millis(metrics[n].value) for n in ("peak_moment", "peak_moment_by_piece"))
+        name, outcome = run.scenario.name, run.summary.outcome
+        click.echo(f"{PAPER_FIGURES[name]:<8} {name:<8}  {peak} {pieces}  {outcome}")
+    click.echo(f"pictures and report.html in {out}")
+
+
+def _millis(value: float | list[float | None] | None) -> str:
+    """Return values in thousandths of their unit."""
+    if isinstance(value, list):
+        return " ".join(_millis(item) for item in value)
+    return f"{'-':>7}" if value is None else f"{1e3 * value:7.1f}"
