@@ -156,22 +156,28 @@ def _filters(
 ) -> tuple[Vector, dict[int, ComplexVector]]:
     """Return the filter's factor g (n, m), and by diagonal of the map its shape 1/(1 − a z⁻¹).
 
-    The pole a depends on k/b only, which is one for each diagonal.
+    Along a diagonal k/b is one and so is the pole a, and g falls as 1/b: δ = F/(b s + k) is
+    linear. One filter for each diagonal does.
     """
     given = config.x if axis == "x" else config.rotation
     assert given is not None
     along_b, along_k = factors
-    gains = np.empty((along_b.size, along_k.size))
+    n, m = along_b.size, along_k.size
+    gains = np.empty((n, m))
     shapes: dict[int, ComplexVector] = {}
-    for i, of_b in enumerate(along_b):
-        for j, of_k in enumerate(along_k):
-            changed = msgspec.structs.replace(given, b=given.b * of_b, k=given.k * of_k)
-            filters = Admittance(msgspec.structs.replace(config, **{axis: changed}))
-            part = filters.x if axis == "x" else filters.rotation
-            assert part is not None
-            gains[i, j] = part.gain
-            if j - i not in shapes:
-                shapes[j - i] = rational((np.ones(1), part.transfer_function()[1]), Z_INVERSE)
+    for diagonal in range(1 - n, m):
+        rows = np.arange(max(0, -diagonal), min(n, m - diagonal))
+        first = int(rows[0])
+        changed = msgspec.structs.replace(
+            given,
+            b=given.b * float(along_b[first]),
+            k=given.k * float(along_k[first + diagonal]),
+        )
+        filters = Admittance(msgspec.structs.replace(config, **{axis: changed}))
+        part = filters.x if axis == "x" else filters.rotation
+        assert part is not None
+        gains[rows, rows + diagonal] = part.gain * along_b[first] / along_b[rows]
+        shapes[diagonal] = rational((np.ones(1), part.transfer_function()[1]), Z_INVERSE)
     return gains, shapes
 
 
