@@ -81,11 +81,12 @@ def in_processes(
 
     with one_thread_each():
         try:
-            # No more than can run: what waits in the pool's queue cannot be called back.
-            submit(min(workers, len(tasks)))
+            # One waits for each that runs, so that no process does; no more, since what waits in
+            # the pool's queue cannot be called back.
+            submit(2 * min(workers, len(tasks)))
             while running:
                 ended, _ = wait(running, return_when=FIRST_COMPLETED)
-                whole = [future for future in ended if not _lost(future)]
+                whole = [f for f in running if f in ended and not _lost(f)]
                 if len(whole) == len(ended):
                     submit(len(ended))
                 for future in whole:
