@@ -12,10 +12,12 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import IO, Any, Generic, TypeVar, TypeVarTuple
 
@@ -68,7 +70,7 @@ def in_processes(
     processes = pool(
         min(workers, len(tasks)),
         multiprocessing.get_context("spawn"),
-        initializer=_leave_interrupts_to_the_parent,
+        initializer=_belong_to_the_parent,
     )
     left = iter(tasks)
     running: dict[Future[Result], tuple[*Task]] = {}
@@ -81,11 +83,12 @@ def in_processes(
 
     with one_thread_each():
         try:
-            # No more than can run: what waits in the pool's queue cannot be called back.
-            submit(min(workers, len(tasks)))
+            # One waits for each that runs, so that no process does; no more, since what waits in
+            # the pool's queue cannot be called back.
+            submit(2 * min(workers, len(tasks)))
             while running:
                 ended, _ = wait(running, return_when=FIRST_COMPLETED)
-                whole = [future for future in ended if not _lost(future)]
+                whole = [f for f in running if f in ended and not _lost(f)]
                 if len(whole) == len(ended):
                     submit(len(ended))
                 for future in whole:
@@ -106,8 +109,17 @@ def _lost(future: Future[Any]) -> bool:
     return isinstance(future.exception(), BrokenProcessPool)
 
 
-def _leave_interrupts_to_the_parent() -> None:
+def _belong_to_the_parent() -> None:
+    """Leave interrupts to the parent, and end when it does, also where it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+
+
+def _follow(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)
 
 
 @contextmanager
