@@ -44,7 +44,7 @@ class PosedArm:
         arms = one_kind(arm_pair(scenario), "the stability of the loop")
         self._model = robots_only(arms).compile()
         self._data = mujoco.MjData(self._model)
-        self._ik = InverseKinematics(self._model)
+        self._ik = InverseKinematics(self._model, arms.home)
         self._q = self._home = arms.home
         self._site = self._model.site(f"{SIDES[0]}_{GRIP_SITE}").id
         self._n = arms.left.model.count

@@ -44,7 +44,7 @@ class RobotCell:
         self.scenario, self.start = scenario, start
         self.arms = arms = arm_pair(scenario)
         robots = robots_only(arms).compile()
-        self.ik = InverseKinematics(robots)
+        self.ik = InverseKinematics(robots, arms.home)
         self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)
         step_s = scenario.physics.step_s

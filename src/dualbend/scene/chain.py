@@ -23,7 +23,7 @@ _DAMPING = 1e-4
 """Of the damped least squares, over the squared length: bounds a step near a singular pose."""
 
 _LARGEST_STEP_RAD = 0.5
-_SOLVED = 1e-9
+_SOLVED, _STILL_RAD = 1e-9, 1e-6
 _EYE = np.eye(3)
 
 
@@ -83,7 +83,8 @@ class SerialChain:
         low, high = self.range_rad.T
         for _ in range(iterations):
             error, jacobian = self._error(rotation, place, q)
-            if self.count <= 6 and _miss(error).max() < _SOLVED:
+            solved = bool(_miss(error).max() < _SOLVED)
+            if solved and (posture is None or self.count <= 6):
                 break
             square = jacobian @ jacobian.transpose(0, 2, 1) + _DAMPING * _miss(error)[
                 :, None, None
@@ -94,6 +95,8 @@ class SerialChain:
                 pull = posture - q
                 step += pull - (inverse @ (jacobian @ pull[..., None]))[..., 0]
             largest = np.abs(step).max(axis=1, keepdims=True)
+            if solved and largest.max() < _STILL_RAD:
+                break
             step *= np.minimum(1.0, _LARGEST_STEP_RAD / np.maximum(largest, 1e-12))
             q = np.clip(q + step, low, high)
         return q, _miss(self._error(rotation, place, q)[0])

@@ -148,6 +148,9 @@ class _Search:
         _, first = np.unique(np.hstack((every, q))[order].round(3), axis=0, return_index=True)
         kept = order[np.sort(first)][:_KEPT]
         every, q = every[kept], q[kept]
+        # The same pose a whole turn nearer the middle of a wide range.
+        turns = np.round((q - 0.5 * (self._low + self._high)) / (2.0 * np.pi))
+        q = q - 2.0 * np.pi * turns
         for target in range(middle, -1, -1):
             q, _ = self._reach(every, target, q, None, 6)
         return self._follow(every, q)
