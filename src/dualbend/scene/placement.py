@@ -189,7 +189,7 @@ class _Search:
         q, worst = home, missed
         path = []
         for target in range(len(self._targets)):
-            q, missed = self._reach(base, target, q, home, 6)
+            q, missed = self._reach(base, target, q, home, 12)
             worst = np.maximum(worst, missed)
             path.append(q)
         every = np.stack(path, axis=1)
