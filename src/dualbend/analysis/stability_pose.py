@@ -20,6 +20,7 @@ Vector = NDArray[np.float64]
 _PLANAR = [0, 2, 4]
 """x, z and the turn about y among the six of a site's Jacobian."""
 
+_POSE, _DIFFERENCE = 6, 1e-3
 _MOVED = 1e-6
 """A joint that a unit of any set-point moves by less is not moved: rounding of the poses."""
 
@@ -44,7 +45,7 @@ class PosedArm:
         arms = one_kind(arm_pair(scenario), "the stability of the loop")
         self._model = robots_only(arms).compile()
         self._data = mujoco.MjData(self._model)
-        self._ik = InverseKinematics(self._model)
+        self._ik = InverseKinematics(self._model, arms.home)
         self._q = self._home = arms.home
         self._site = self._model.site(f"{SIDES[0]}_{GRIP_SITE}").id
         self._n = arms.left.model.count
@@ -55,6 +56,7 @@ class PosedArm:
         fed = servo.setpoint(nothing, nothing, unit) * servo.stiffness
         self._stiffness = servo.stiffness[: self._n]
         self._feed_forward = fed[: self._n]
+        self._rubs = self._model.dof_frictionloss.ravel()[: self._n] > 0.0
         viscous = self._model.dof_damping.ravel()
         self._damping = (servo.damping + viscous)[: self._n]
         grasp = scenario.grasp
@@ -71,6 +73,7 @@ class PosedArm:
         """What a grasp gives way (3, 3) in x, z, α per wrench on it."""
 
     def _reach(self, pose: Vector) -> None:
+        self._pose = pose
         targets = grip_targets(np.array([pose, pose]))
         solution = self._ik.solve(targets, self._q)
         self._q = (
@@ -94,12 +97,29 @@ class PosedArm:
         planar = self._jacobian[_PLANAR]
         return np.asarray((planar / self._stiffness) @ planar.T)
 
+    def _setpoint(self) -> Vector:
+        """Return what x, z, α of the grip ask of the joints (n, 3): J⁻¹, or by differences.
+
+        A redundant arm's answer bends with its posture, so its own inverse kinematics is asked.
+        """
+        if self._n == _POSE:
+            return np.asarray(np.linalg.inv(self._jacobian)[:, _PLANAR])
+        columns = []
+        for step in _DIFFERENCE * np.eye(len(_PLANAR)):
+            ahead, back = (
+                self._ik.solve(grip_targets(np.array([pose, pose])), self._q).q[: self._n]
+                for pose in (self._pose + step, self._pose - step)
+            )
+            columns.append((ahead - back) / (2.0 * _DIFFERENCE))
+        return np.stack(columns, axis=1)
+
     def joints(self) -> Joints:
         """Return the joints that set-points in the plane move."""
         mass = np.zeros((self._model.nv, self._model.nv))
         mujoco.mj_fullM(self._model, self._data, mass)
-        setpoint = np.linalg.inv(self._jacobian)[:, _PLANAR]
-        moved = np.abs(setpoint).max(axis=1) > _MOVED
+        setpoint = self._setpoint()
+        # Without dry friction nothing holds a joint but its servo.
+        moved = (np.abs(setpoint).max(axis=1) > _MOVED) | ~self._rubs
         return Joints(
             mass=mass[: self._n, : self._n][np.ix_(moved, moved)],
             stiffness=self._stiffness[moved],

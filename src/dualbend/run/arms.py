@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,25 +14,79 @@ from dualbend.run.scenario import Scenario
 from dualbend.scene.arm_model import Placement, arm_model
 from dualbend.scene.arm_pair import SIDES, ArmPair, PlacedArm, Side
 from dualbend.scene.cell import PlacementConfig
+from dualbend.scene.placement import find_placement
+from dualbend.task.bending import make_path
 
 Vector = NDArray[np.float64]
+
+_FEWEST = 12
+"""Poses for which a place is found: a path of few knots has as many of them in between."""
 
 _KEYS = ("base_distance_m", "base_lateral_m", "base_height_m", "base_yaw_rad", "home_rad")
 
 
-def arm_pair(scenario: Scenario) -> ArmPair:
-    """Return both arms on their stands: as given by hand, else as documented for the arm."""
-    left, right = (_placed(scenario, side) for side in SIDES)
+def arm_pair(scenario: Scenario, targets: Mapping[Side, Vector] | None = None) -> ArmPair:
+    """Return both arms where they stand: as given by hand, as documented for the arm, or as found.
+
+    Found for the grip poses ``targets`` (k, 4, 4) of each arm in its bending frame, by default
+    those of the scenario's path.
+
+    Raises
+    ------
+    InputError
+        An arm has no place from which it does its work; the package with its files is missing.
+    """
+    left, right = (_placed(scenario, side, targets) for side in SIDES)
     return ArmPair(left=left, right=right)
 
 
-def _placed(scenario: Scenario, side: Side) -> PlacedArm:
+def _placed(scenario: Scenario, side: Side, targets: Mapping[Side, Vector] | None) -> PlacedArm:
     model, given = arm_model(scenario.arm.of(side)), _by_hand(scenario, side)
-    assert model.placement is not None
-    return PlacedArm(model=model, placement=Placement(**{**vars(model.placement), **given}))
+    if model.placement is not None:
+        given = {**vars(model.placement), **given}
+    if len(given) < len(_KEYS):
+        try:
+            wanted = path_targets(scenario) if targets is None else targets[side]
+            return PlacedArm(
+                model=model, placement=find_placement(model.name, wanted, given).placement
+            )
+        except InputError as error:
+            raise InputError(f"scenario {scenario.name!r}, {side} arm: {error}") from error
+    return PlacedArm(model=model, placement=Placement(**given))
 
 
-def _by_hand(scenario: Scenario, side: Side) -> dict[str, float | tuple[float, ...]]:
+def path_targets(scenario: Scenario) -> Vector:
+    """Return the grip poses (k, 4, 4) of the path's knots and of the middles between them.
+
+    In the bending frame of either arm, origin on the floor in the mid-plane.
+    """
+    path = make_path(scenario.path, scenario.sheet.length_m)
+    knots = np.linspace(path.knots[0], path.knots[-1], _FEWEST)
+    if len(path.knots) > _FEWEST // 2:
+        knots = path.knots[np.unique(np.linspace(0, len(path.knots) - 1, _FEWEST // 2).astype(int))]
+        knots = np.sort(np.concatenate((knots, 0.5 * (knots[1:] + knots[:-1]))))
+    half_distance, rise = path.at(knots)
+    heights = scenario.cell.sheet_height_m + rise
+    poses = np.tile(np.eye(4), (len(knots), 1, 1))
+    c, s = np.cos(knots), np.sin(knots)
+    poses[:, 0, 0], poses[:, 0, 2], poses[:, 2, 0], poses[:, 2, 2] = c, s, -s, c
+    poses[:, 0, 3], poses[:, 2, 3] = -half_distance, heights
+    return poses
+
+
+def with_placements(scenario: Scenario, targets: Mapping[Side, Vector] | None = None) -> Scenario:
+    """Return the scenario with both arms' places written into ``cell``: nothing is left to find."""
+    arms = arm_pair(scenario, targets)
+    left, right = (PlacementConfig(**vars(placed.placement)) for placed in arms)
+    nothing = dict.fromkeys((*_KEYS, "left", "right"))
+    told: dict[str, Any] = {"left": left, "right": right}
+    if arms.alike:
+        told = {key: getattr(left, key) for key in _KEYS}
+    cell = msgspec.structs.replace(scenario.cell, **{**nothing, **told})
+    return msgspec.structs.replace(scenario, cell=cell)
+
+
+def _by_hand(scenario: Scenario, side: Side) -> dict[str, Any]:
     """Return what the scenario says of one side's place, its own keys before those of both."""
     cell = scenario.cell
     own = (cell.left if side == "left" else cell.right) or PlacementConfig()

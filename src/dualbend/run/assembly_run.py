@@ -20,14 +20,15 @@ from dualbend.control.object_admittance import (
     net_wrench,
 )
 from dualbend.errors import InputError
-from dualbend.run.arms import shown_placements
+from dualbend.run.arm_load import refuse_overload
+from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.guard import SimulationFailed
 from dualbend.run.object_stiffness import object_stiffness
 from dualbend.run.robot_cell import RobotCell
 from dualbend.run.runner import Cycle, Run
 from dualbend.run.scenario import Scenario
 from dualbend.scene.bed import HOLES
-from dualbend.scene.cell import SIDES
+from dualbend.scene.cell import SIDES, Side
 from dualbend.scene.grippers import Grippers
 from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.pin_contacts import PinContacts
@@ -118,6 +119,7 @@ class AssemblyRun(Run):
         self._path = make_path(scenario.path, sheet.length_m)
         self._believed = sheet
         task = self._make_task()
+        scenario = self.scenario = with_placements(scenario, self._targets(task))
         try:
             cell = RobotCell(scenario, self._pose(task.start), _place(task.start))
         except InputError as error:
@@ -148,16 +150,31 @@ class AssemblyRun(Run):
         half, rise = self._path.at(posture.alpha)
         return np.array([-half - posture.retreat, rise, posture.alpha])
 
+    def _targets(self, task: AssemblyTask) -> dict[Side, Vector]:
+        """Return both grips' poses (k, 4, 4) along the task, each in its arm's bending frame."""
+        postures = [posture for _, posture in task.waypoints()]
+        targets = [
+            carried_targets(np.array([self._pose(posture)] * 2), _place(posture))
+            for posture in (task.start, *postures)
+        ]
+        turn = np.diag([-1.0, -1.0, 1.0, 1.0])
+        return {
+            "left": np.array([left.as_matrix() for left, _ in targets]),
+            "right": np.array([turn @ right.as_matrix() for _, right in targets]),
+        }
+
     def _foresee(self, task: AssemblyTask) -> None:
         """Refuse postures that the arms cannot reach."""
-        q = self.cell.home
+        q, visited = self.cell.home, []
         for phase, posture in task.waypoints():
             try:
                 q = self.cell.reach(self._pose(posture), q, _place(posture))
             except InputError as error:
                 raise self._out_of_reach(phase, error) from error
+            visited.append(q)
             if phase == "lower":
                 self._down, self._down_q = posture, q
+        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, np.array(visited))
 
     def _out_of_reach(self, phase: str, error: InputError) -> InputError:
         layout = self.config.layout

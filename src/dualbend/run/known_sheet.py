@@ -210,7 +210,7 @@ class ArmGive:
     def __init__(self, arms: ArmPair, stiffness: Sequence[float], grasp: GraspConfig) -> None:
         self._model = robots_only(arms).compile()
         self._data = mujoco.MjData(self._model)
-        self._ik = InverseKinematics(self._model)
+        self._ik = InverseKinematics(self._model, arms.home)
         self._q, self._left = arms.home, arms.joints("left")
         self._site = self._model.site(f"{SIDES[0]}_{GRIP_SITE}").id
         self._per_torque = 1.0 / np.array(stiffness)[self._left]

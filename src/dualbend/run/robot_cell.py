@@ -44,31 +44,41 @@ class RobotCell:
         self.scenario, self.start, self.place = scenario, start, place
         self.arms = arms = arm_pair(scenario)
         robots = robots_only(arms).compile()
-        self.ik = InverseKinematics(robots)
+        self.ik = InverseKinematics(robots, arms.home)
         self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)
         step_s = scenario.physics.step_s
-        strips, task = scenario.sheet.strips, scenario.assembly
+        task = scenario.assembly
         sheet = scenario.sheet.sheet()
         self.sheet = sheet if task is None else task.errors.true_sheet(sheet)
-        self.spec = compose_cell(
-            scenario.cell,
-            arms,
-            scenario.grasp,
-            self.sheet,
-            strips,
-            self.servo,
-            step_s,
-            None if task is None else task.true_layout(),
-            0 if task is None else task.sheets - 1,
-        )
         self.simulation = Simulation(
-            without_looks(self.spec).compile(),
+            without_looks(self._compose(looks=False)).compile(),
             scenario.grasp,
-            strips,
+            scenario.sheet.strips,
             latency_steps=scenario.sensor.latency_steps(step_s),
         )
         self.response = CommandResponse(scenario.response, len(self.home), steps_per_cycle(step_s))
+
+    def _compose(self, *, looks: bool) -> mujoco.MjSpec:
+        scenario = self.scenario
+        task = scenario.assembly
+        return compose_cell(
+            scenario.cell,
+            self.arms,
+            scenario.grasp,
+            self.sheet,
+            scenario.sheet.strips,
+            self.servo,
+            scenario.physics.step_s,
+            None if task is None else task.true_layout(),
+            0 if task is None else task.sheets - 1,
+            looks=looks,
+        )
+
+    @cached_property
+    def spec(self) -> mujoco.MjSpec:
+        """The whole scene with its looks."""
+        return self._compose(looks=True)
 
     @cached_property
     def model(self) -> mujoco.MjModel:

@@ -16,7 +16,8 @@ from dualbend.control.controller import Command, ComplianceController, Reading
 from dualbend.control.filters import LowPass
 from dualbend.control.force_torque import Sensor, ToolGravityCompensation, WrenchChain
 from dualbend.errors import InputError
-from dualbend.run.arms import shown_placements
+from dualbend.run.arm_load import refuse_overload
+from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.guard import (
     Guard,
     ProtectiveStop,
@@ -239,6 +240,7 @@ class BendingRun(Run):
         compliance: Callable[[Scenario], Compliance] = make_admittance,
     ) -> None:
         self.compliance = compliance
+        scenario = with_placements(scenario)
         self.motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
         self._z_m = scenario.cell.sheet_height_m + self.motion.rise_m
         self.scenario = scenario
@@ -266,7 +268,7 @@ class BendingRun(Run):
         """Walk the nominal path with the IK alone and refuse what the arms cannot do."""
         first = int(np.flatnonzero(self.motion.phase == PHASES.index("bend"))[0])
         cycles = np.linspace(first, self.motion.cycles - 1, _CHECKED_POSES).astype(int)
-        q, before = self.cell.home, -1
+        q, before, poses = self.cell.home, -1, list[Vector]()
         for cycle in np.unique(cycles).tolist():
             try:
                 there = self.cell.reach(self._nominal_pose(cycle), q)
@@ -275,6 +277,8 @@ class BendingRun(Run):
             if before >= 0:
                 self._refuse_speed(np.abs(there - q) / ((cycle - before) * COMMAND_PERIOD_S))
             q, before = there, cycle
+            poses.append(there)
+        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, np.array(poses))
 
     def _out_of_reach(self, cycle: int, error: InputError) -> InputError:
         return InputError(

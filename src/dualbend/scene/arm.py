@@ -52,6 +52,15 @@ def load_gripper() -> mujoco.MjSpec:
     return _load("gripper")
 
 
+def with_gripper(arm: mujoco.MjSpec) -> mujoco.MjSpec:
+    """Return one arm with sensor and gripper at its flange, the jaws fixed: prefix ``tool_``."""
+    tool = load_gripper()
+    arm.attach(tool, site=FLANGE_SITE, prefix="tool_")
+    for jaw in JAW_JOINTS:
+        arm.delete(arm.joint(f"tool_{jaw}"))
+    return arm
+
+
 def _load(name: str) -> mujoco.MjSpec:
     return mujoco.MjSpec.from_file(str(models_dir() / name / f"{name}.xml"))
 

@@ -30,6 +30,7 @@ class UrdfFacts:
     flange_rpy : turn [rad] from the flange link's axes to ones with z outward
     payload_kg, reach_m : rated
     rated : whose numbers those two are, and how sure
+    torque_limit_n_m : where those of the URDF are wrong
     armature_kg_m2 : of every joint's rotor at the joint; no URDF has it
     upstream : where the package has the description from
     grade : of the dynamics in the URDF
@@ -42,6 +43,7 @@ class UrdfFacts:
     payload_kg: float
     reach_m: float
     rated: str
+    torque_limit_n_m: tuple[float, ...] | None = None
     armature_kg_m2: float = 0.1
     upstream: str
     grade: str
@@ -62,6 +64,8 @@ URDF_ARMS: Final[dict[ArmName, UrdfFacts]] = {
         payload_kg=3.0,
         reach_m=0.5,
         rated=_UR_SHEET,
+        # The file repeats the UR10's 330, 150 and 54 N m; these are recalled of the UR3's sheet.
+        torque_limit_n_m=(56.0, 56.0, 28.0, 12.0, 12.0, 12.0),
         upstream=_UR,
         grade=_UR_GRADE,
     ),

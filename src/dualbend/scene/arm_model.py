@@ -14,12 +14,19 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.scene.arm import load_puma
+from dualbend.scene.arm import load_puma, with_gripper
+from dualbend.scene.arm_catalog import PACKAGE, URDF_ARMS, ArmName
+from dualbend.scene.urdf_arm import load_urdf_arm, torque_limits, urdf_chain
 
 Vector = NDArray[np.float64]
 
 PUMA: Final = "puma560"
 """The arm of the paper, and the default."""
+
+SERVO_HZ: Final = 20.0
+"""Natural frequency of each joint by itself on its servo, by which stiffness is set [Hz]."""
+
+_SEED, _SAMPLES = 7, 256
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +51,7 @@ class ArmModel:
 
     Attributes
     ----------
-    name : as a scenario gives it
+    name : as a scenario gives it, one of :data:`dualbend.scene.arm_catalog.ArmName`
     joint_names : what the data calls the joints (n,); in the scene they are joint1 ... joint<n>
     range_rad : (n, 2) lower and upper limit
     speed_limit_rad_per_s, torque_limit_n_m : (n,)
@@ -59,7 +66,7 @@ class ArmModel:
     placement : a documented place for the paper's experiment; None: found for each scenario
     """
 
-    name: str
+    name: ArmName
     joint_names: tuple[str, ...]
     range_rad: tuple[tuple[float, float], ...]
     speed_limit_rad_per_s: tuple[float, ...]
@@ -86,9 +93,12 @@ class ArmModel:
         return scene_joints(self.count)
 
     def spec(self, *, looks: bool = True) -> mujoco.MjSpec:
-        """Return a fresh specification without actuators or tool; without meshes if no looks."""
-        del looks
-        return load_puma()
+        """Return a fresh specification without actuators or tool; without meshes if no looks.
+
+        The frame of ``base`` is the arm's own, z up; gravity compensation reaches the joints only
+        in a model with at least one actuator.
+        """
+        return load_puma() if self.name == PUMA else load_urdf_arm(self.name, looks=looks)
 
 
 def scene_joints(count: int) -> tuple[str, ...]:
@@ -97,23 +107,73 @@ def scene_joints(count: int) -> tuple[str, ...]:
 
 
 @functools.cache
-def arm_model(name: str) -> ArmModel:
+def arm_model(name: ArmName) -> ArmModel:
     """Return the arm of a name.
 
     Raises
     ------
     InputError
-        No such arm.
+        The package that has the arm's files is not installed.
     """
-    return _puma(name)
+    return _puma() if name == PUMA else _from_urdf(name)
 
 
-def _puma(name: str) -> ArmModel:
+def _from_urdf(name: ArmName) -> ArmModel:
+    """Return an arm of the package: what its URDF holds, the rest from the table."""
+    chain, facts = urdf_chain(name), URDF_ARMS[name]
+    joints = chain.joints
+    assumed = [f"rotor inertia {facts.armature_kg_m2:g} kg m² at every joint (no URDF has it)"]
+    if not any(joint.damping or joint.friction for joint in joints):
+        assumed.append("no friction in the joints (the URDF gives none)")
+    if facts.torque_limit_n_m is not None:
+        assumed.append("torque limits of the manufacturer (the URDF has another arm's)")
+    return ArmModel(
+        name=name,
+        joint_names=tuple(joint.name for joint in joints),
+        range_rad=tuple(joint.range_rad for joint in joints),
+        speed_limit_rad_per_s=tuple(joint.speed_rad_per_s for joint in joints),
+        torque_limit_n_m=torque_limits(name),
+        armature_kg_m2=(facts.armature_kg_m2,) * len(joints),
+        viscous_n_m_s_per_rad=tuple(joint.damping for joint in joints),
+        coulomb_n_m=tuple(joint.friction for joint in joints),
+        stiffness_n_m_per_rad=rule_stiffness(load_urdf_arm(name, looks=False)),
+        payload_kg=facts.payload_kg,
+        reach_m=facts.reach_m,
+        source=f"{PACKAGE}, {facts.file}, from {facts.upstream}; ratings: {facts.rated}",
+        grade=facts.grade,
+        assumed=tuple(assumed),
+    )
+
+
+def rule_stiffness(spec: mujoco.MjSpec) -> tuple[float, ...]:
+    """Return servo stiffnesses (n,) [N m/rad] that give each joint by itself 20 Hz.
+
+    k_i = (2π 20 Hz)² I_i with I_i the mean over the ranges (256 seeded configurations) of what
+    joint i moves, gripper and rotor included: every joint of every arm then has the same frequency,
+    the upper end of what is told of the PUMA's first resonance, and no pose decides it.
+    """
+    model = with_gripper(spec).compile()
+    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    low, high = model.jnt_range.T
+    total = np.zeros(model.nv)
+    for q in np.random.default_rng(_SEED).uniform(low, high, (_SAMPLES, model.nv)):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_crb(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        total += np.diag(mass)
+    # Three digits: the rest is the sample's.
+    rule = (2.0 * np.pi * SERVO_HZ) ** 2 * total / _SAMPLES
+    return tuple(float(f"{value:.3g}") for value in rule)
+
+
+def _puma() -> ArmModel:
     """Return the PUMA 560: what its MJCF holds is read from there."""
     model = load_puma().compile()
     force = model.jnt_actfrcrange[:, 1]
     return ArmModel(
-        name=name,
+        name=PUMA,
         joint_names=scene_joints(model.njnt),
         range_rad=tuple((float(low), float(high)) for low, high in model.jnt_range),
         # Where the drive's voltage saturates; Corke (1996), Tables 2.18 and 2.21.

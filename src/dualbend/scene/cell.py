@@ -38,6 +38,8 @@ _WELD_TIME_S, _WELD_TORQUE_SCALE_M = 5e-4, 10.0
 impedance, and with the defaults the weld gives way as much as the pads do. Tested: what the sheet
 feels is the configured stiffness within 10 % (translation) and 1 % (rotation)."""
 
+_PEDESTAL_FROM_M = 0.02
+
 _JAW_STIFFNESS_N_PER_M, _JAW_FORCE_N = 2e4, 40.0
 
 
@@ -121,7 +123,7 @@ def robots_only(arms: ArmPair) -> mujoco.MjSpec:
     spec.modelname = "dualbend robots"
     spec.compiler.degree = False
     for side in SIDES:
-        _add_arm(spec, arms, side)
+        _add_arm(spec, arms, side, looks=False)
         for joint in arm.JAW_JOINTS:
             spec.delete(spec.joint(f"{side}_{joint}"))
     return spec
@@ -137,11 +139,14 @@ def compose_cell(
     step_s: float,
     layout: LayoutConfig | None = None,
     laid_sheets: int = 0,
+    *,
+    looks: bool = True,
 ) -> mujoco.MjSpec:
     """Return the whole scene: floor, two arms with servos and tools, the sheet held by both.
 
     With a layout, the grippers' jaws are driven, the sheet has holes and is held by nobody yet, and
-    bed, pins and stand are there, with room for sheets that were laid before.
+    bed, pins and stand are there, with room for sheets that were laid before. Without looks, no
+    mesh of an arm is read.
     """
     spec = mujoco.MjSpec()
     spec.modelname = "dualbend"
@@ -158,7 +163,7 @@ def compose_cell(
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     _add_surroundings(spec, cell)
     for side, placed in zip(SIDES, arms, strict=True):
-        _add_arm(spec, arms, side)
+        _add_arm(spec, arms, side, looks=looks)
         _add_pad(spec, grasp, side)
         for i, joint in enumerate(placed.model.joints, arms.joints(side).start):
             _add_servo(spec, f"{side}_{joint}", servo, i)
@@ -190,17 +195,34 @@ def without_looks(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     return bare
 
 
-def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side) -> None:
+def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> None:
     """Attach one arm with its tool; every name gets the side as a prefix."""
     origin, yaw = arms.base_pose(side)
     frame = spec.worldbody.add_frame(pos=origin, quat=[np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
     model = (arms.left if side == "left" else arms.right).model
-    spec.attach(model.spec(), frame=frame, prefix=f"{side}_")
+    spec.attach(model.spec(looks=looks), frame=frame, prefix=f"{side}_")
+    if model.placement is None and origin[2] > _PEDESTAL_FROM_M:
+        _add_pedestal(spec.body(f"{side}_base"), float(origin[2]))
     flange = spec.site(f"{side}_{arm.FLANGE_SITE}")
     tool = arm.load_gripper()
     # Arm and tool share a prefix; two classes of one name would not load again from the XML.
     tool.default.name = "tool_main"
     spec.attach(tool, site=flange, prefix=f"{side}_")
+
+
+def _add_pedestal(base: mujoco.MjsBody, height_m: float) -> None:
+    """Put a column under a base that stands above the floor: to look at, it touches nothing."""
+    for radius, top, bottom in ((0.07, 0.0, -height_m), (0.16, -height_m + 0.015, -height_m)):
+        base.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            size=[radius, 0.5 * (top - bottom), 0.0],
+            pos=[0.0, 0.0, 0.5 * (top + bottom)],
+            rgba=[0.45, 0.47, 0.50, 1.0],
+            mass=0.0,
+            contype=0,
+            conaffinity=0,
+            group=2,
+        )
 
 
 def _add_pad(spec: mujoco.MjSpec, grasp: GraspConfig, side: Side) -> None:

@@ -26,6 +26,9 @@ the sign of a joint's speed decides the friction that is fed forward."""
 _DAMPING = 1e-12
 """Keeps the QP definite at a singular pose, too small to slow Newton's convergence elsewhere."""
 
+_POSE, _POSTURE_COST = 6, 1e-4
+_POSTURE_RESTS_RAD, _LARGEST_STEP_RAD = 1e-8, 0.5
+
 _MAX_ITERATIONS = 20
 _MAX_HOME_ITERATIONS = 200
 
@@ -52,10 +55,25 @@ class InverseKinematics:
 
     Each call does Newton steps ``dq = argmin |J dq − e|²`` within the joint limits (a QP in mink),
     from a start that the caller predicts, until the residual e is below the tolerance.
+
+    Arms with more joints than a pose needs take the solution nearest to a posture: the step is then
+    ``dq = J⁺ e + (1 − J⁺ J)(q_posture − q)``, until the second part rests too. So an angle depends
+    on the pose alone and not on the way there.
+
+    Parameters
+    ----------
+    model
+        Of the robots alone, :func:`dualbend.scene.cell.robots_only`.
+    posture : (n,)
+        Which of its solutions a redundant arm takes; the others do not need it.
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, posture: Vector | None = None) -> None:
         self._configuration = mink.Configuration(model)
+        self._redundant = model.nv > _POSE * len(SIDES)
+        self._posture = np.zeros(model.nv) if posture is None else posture
+        self._posture_task = mink.PostureTask(model, cost=_POSTURE_COST)
+        self._posture_task.set_target(self._posture)
         self._tasks = [
             mink.FrameTask(f"{side}_{GRIP_SITE}", "site", position_cost=1.0, orientation_cost=1.0)
             for side in SIDES
@@ -79,11 +97,13 @@ class InverseKinematics:
             errors = [task.compute_error(configuration) for task in self._tasks]
             position = max(_norm3(e[:3]) for e in errors)
             rotation = max(_norm3(e[3:]) for e in errors)
-            if (position <= TOLERANCE_M and rotation <= TOLERANCE_RAD) or (
-                iteration == max_iterations
-            ):
+            at_pose = position <= TOLERANCE_M and rotation <= TOLERANCE_RAD
+            if iteration == max_iterations or (at_pose and not self._redundant):
                 break
-            configuration.integrate_inplace(self._newton_step(), 1.0)
+            step = self._redundant_step(errors) if self._redundant else self._newton_step()
+            if at_pose and np.abs(step).max() < _POSTURE_RESTS_RAD:
+                break
+            configuration.integrate_inplace(step, 1.0)
         return IKSolution(
             q=configuration.q.copy(),
             position_residual_m=position,
@@ -102,6 +122,30 @@ class InverseKinematics:
         return np.asarray(
             mink.solve_ik(
                 configuration, self._tasks, 1.0, "daqp", damping=_DAMPING, limits=self._limits
+            )
+        )
+
+    def _redundant_step(self, errors: list[Vector]) -> Vector:
+        """Step towards the pose, and within it towards the posture; mink's QP at the limits."""
+        configuration = self._configuration
+        jacobian = np.vstack([task.compute_jacobian(configuration) for task in self._tasks])
+        # mink's Jacobian is that of the error, which the step takes to zero.
+        inverse = np.linalg.pinv(jacobian)
+        pull = self._posture - configuration.q
+        step = pull - inverse @ (np.concatenate(errors) + jacobian @ pull)
+        size = float(np.abs(step).max())
+        step *= min(1.0, _LARGEST_STEP_RAD / size) if size > 0.0 else 1.0
+        reached = configuration.q + step
+        if (reached > self._lower).all() and (reached < self._upper).all():
+            return np.asarray(step)
+        return np.asarray(
+            mink.solve_ik(
+                configuration,
+                [*self._tasks, self._posture_task],
+                1.0,
+                "daqp",
+                damping=_DAMPING,
+                limits=self._limits,
             )
         )
 

@@ -1,0 +1,110 @@
+"""Whether the arms can bear their work: weights against the payload, torques against the drives."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.beam.sheet import GRAVITY_M_PER_S2
+from dualbend.errors import InputError
+from dualbend.run.scenario import Scenario
+from dualbend.scene.arm import FT_SITE, GRIP_SITE
+from dualbend.scene.arm_model import PUMA
+from dualbend.scene.arm_pair import SIDES, ArmPair, Side
+
+Vector = NDArray[np.float64]
+
+_FORCE_FACTOR, _MOMENT_FACTOR = 25.0, 2.0
+"""End force over EI/L² and moment over EI Δα/L that a sheet asks for at most on a linear piece of
+0.2 rad from the flat on; the rod oracle."""
+
+
+def refuse_overload(
+    scenario: Scenario, arms: ArmPair, robots: mujoco.MjModel, poses: Vector
+) -> None:
+    """Refuse arms that cannot bear gripper and sheet at the path's joint angles (k, n).
+
+    Statics: gravity of arm and tool, half the sheet's weight, its end force and the moment of the
+    first piece at the grip must stay below every joint's torque limit. Weights alone are compared
+    with the rated payload.
+
+    Raises
+    ------
+    InputError
+        With the arm, the joint and both numbers.
+    """
+    data = mujoco.MjData(robots)
+    for side, placed in zip(SIDES, arms, strict=True):
+        _refuse_payload(scenario, robots, side, placed.model.name, placed.model.payload_kg)
+        limits = np.array(placed.model.torque_limit_n_m)
+        needed = np.zeros(placed.model.count)
+        for q in poses:
+            data.qpos[:] = q
+            mujoco.mj_forward(robots, data)
+            asked = np.abs(_held(robots, data, side, sheet_load(scenario)))[:, arms.joints(side)]
+            needed = np.maximum(needed, asked.max(axis=0))
+            if placed.model.name != PUMA:
+                _refuse_contact(robots, data)
+        worst = int(np.argmax(needed / limits))
+        if needed[worst] > limits[worst]:
+            raise InputError(
+                f"arm {placed.model.name!r} on the {side} is too weak: to hold gripper and sheet, "
+                f"{placed.model.joint_names[worst]} needs {needed[worst]:.1f} N m, its limit is "
+                f"{limits[worst]:.1f}"
+            )
+
+
+def sheet_load(scenario: Scenario) -> Vector:
+    """Return the largest wrench of the sheet on a grip, x, z [N] and about y [N m], (3,)."""
+    sheet = scenario.sheet.sheet()
+    stiffness, length = sheet.bending_stiffness_nm2, sheet.length_m
+    interval = scenario.path.interval_rad or (
+        (scenario.path.end_rad - scenario.path.start_rad) / (scenario.path.pieces or math.inf)
+    )
+    return np.array(
+        [
+            _FORCE_FACTOR * stiffness / length**2,
+            0.5 * sheet.mass_kg * GRAVITY_M_PER_S2,
+            _MOMENT_FACTOR * stiffness * min(interval, 0.2) / length,
+        ]
+    )
+
+
+def _held(model: mujoco.MjModel, data: mujoco.MjData, side: Side, load: Vector) -> Vector:
+    """Return the torques (2, nv) that hold the arms and the load, its moment with either sign."""
+    site = model.site(f"{side}_{GRIP_SITE}").id
+    translation, rotation = np.zeros((2, 3, model.nv))
+    mujoco.mj_jacSite(model, data, translation, rotation, site)
+    outward = -np.sign(data.site_xmat[site][0]) * np.array([1.0, 0.0, 0.0])
+    across = data.site_xmat[site].reshape(3, 3)[:, 1]
+    force = load[0] * outward - load[1] * np.array([0.0, 0.0, 1.0])
+    carried = data.qfrc_bias - translation.T @ force
+    turned = load[2] * rotation.T @ across
+    return np.stack((carried - turned, carried + turned))
+
+
+def _refuse_payload(
+    scenario: Scenario, model: mujoco.MjModel, side: Side, name: str, payload_kg: float
+) -> None:
+    tool = float(model.body_subtreemass[model.site(f"{side}_{FT_SITE}").bodyid[0]])
+    sensor = float(model.body(f"{side}_sensor").mass[0])
+    share = 0.5 if scenario.assembly is None else 1.0
+    carried = share * scenario.sheet.sheet().mass_kg
+    if tool + sensor + carried > payload_kg:
+        raise InputError(
+            f"arm {name!r} on the {side} is too weak: gripper with sensor {tool + sensor:.2f} kg "
+            f"and its share of the sheet {carried:.2f} kg are above its payload of "
+            f"{payload_kg:g} kg"
+        )
+
+
+def _refuse_contact(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    if data.ncon:
+        first, second = (model.body(model.geom_bodyid[geom]).name for geom in data.contact[0].geom)
+        raise InputError(
+            f"on the path {first} touches {second}: look at cell.base_distance_m, "
+            "cell.base_lateral_m, cell.base_height_m"
+        )
