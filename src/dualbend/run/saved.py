@@ -68,7 +68,7 @@ class SavedRun:
         return next(side for side in SIDES if side in self.scenario.arms.sensing)
 
 
-def load_run(folder: Path) -> SavedRun:
+def load_run(folder: Path | str) -> SavedRun:
     """Return the run whose files are in ``folder``.
 
     Raises
@@ -76,6 +76,7 @@ def load_run(folder: Path) -> SavedRun:
     InputError
         It is no folder of a run, the run did not live to its end, or a file is not readable.
     """
+    folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; it should be one that dualbend run left")
     missing = [name for name in FILES if not (folder / name).is_file()]
