@@ -235,6 +235,12 @@ def test_the_validation_page_says_what_the_rows_say() -> None:
     assert page == validation_page(rows, {"mujoco": "4.0.0"})
 
 
+def test_a_page_that_cannot_be_written_is_refused_before_anything_is_measured() -> None:
+    ended = CliRunner().invoke(main, ["validate", "--markdown", "no/such/folder/page.md"])
+    assert ended.exit_code == 2
+    assert "--markdown no/such/folder/page.md: cannot be written" in ended.output
+
+
 def test_the_committed_validation_passes() -> None:
     page = (DOCS / "validation.md").read_text(encoding="utf-8")
     assert "**FAIL**" not in page
@@ -248,9 +254,9 @@ def test_the_committed_validation_passes() -> None:
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("material", reason="needs the extra docs")
     folder = tmp_path_factory.mktemp("site")
-    config = str(DOCS / "site" / "mkdocs.yml")
+    to, config = str(folder), str(DOCS / "site" / "mkdocs.yml")
     built = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-f", config, "-d", str(folder)],
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-f", config, "-d", to],
         capture_output=True,
         text=True,
         check=False,
