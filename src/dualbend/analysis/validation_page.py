@@ -9,8 +9,8 @@ from dualbend.analysis.validation_row import Row
 _HEAD = """# Validation
 
 Made by `dualbend validate --markdown docs/validation.md`; do not edit. How far the simulation is
-from theory and from independent models: {passed} of {count} rows pass. Nothing here is a stored result: the
-command measures every row, in a minute or two, and exits with 1 where one fails.
+from theory and from independent models: {passed} of {count} rows pass. Nothing here is a stored
+result: the command measures every row, in a minute or two, and exits with 1 where one fails.
 
 What is in brackets at the end of a row's name says how the error is formed: *relative*
 |measured − reference| over the reference or the scale that the name gives, *absolute*
