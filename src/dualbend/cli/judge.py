@@ -64,7 +64,7 @@ def compare(run_a: Path, run_b: Path, out: Path | None, record: bool) -> None:
     """Put two runs side by side.
 
     RUN_A and RUN_B are folders that dualbend run left. Prints metrics and what was set otherwise;
-    with --out, writes compare.png, compare.md and compare.rrd.
+    with --out, writes compare.txt, compare.png and compare.rrd.
     """
     from dualbend.analysis.compare import compare_runs, report_text, write_comparison
     from dualbend.run.saved import load_run

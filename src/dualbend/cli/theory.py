@@ -52,26 +52,44 @@ def beam(
         click.echo(f"{key:<22}{value:>14.6g}")
 
 
-@click.command(epilog=examples("dualbend validate --json"))
+@click.command(epilog=examples("dualbend validate --markdown validation.md"))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def validate(as_json: bool) -> None:
+@click.option("--markdown", type=click.Path(path_type=Path), help="Markdown file to write.")
+def validate(as_json: bool, markdown: Path | None) -> None:
     """Measure how far simulation is from theory.
 
     Takes a minute or two; exit code 1 where a row fails.
     """
     from dualbend.analysis.validation import run_validation
 
+    if markdown is not None:
+        _write_markdown("", markdown)  # before two minutes are spent
     rows = run_validation(None if as_json else _show_row)
     if as_json:
         import msgspec
 
         # A number that could not be measured is null: NaN is no JSON.
         click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=2).decode())
+    if markdown is not None:
+        from dualbend.analysis.metrics import versions
+        from dualbend.analysis.validation_page import validation_page
+
+        _write_markdown(validation_page(rows, versions()), markdown)
     failed = [row for row in rows if not row.passed]
     if not as_json:
         click.echo(f"{len(rows) - len(failed)} of {len(rows)} rows pass")
     if failed:
         sys.exit(EXIT_FAILED_CHECK)
+
+
+def _write_markdown(text: str, path: Path) -> None:
+    from dualbend.errors import InputError
+
+    try:
+        with path.open("a" if not text else "w", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise InputError(f"--markdown {path}: cannot be written: {error.strerror}") from error
 
 
 def _show_row(row: Row) -> None:

@@ -84,7 +84,7 @@ class SavedRun:
         return _metadata(self.table).get("model_sha256", "")
 
 
-def load_run(folder: Path, *, unfinished: bool = False) -> SavedRun:
+def load_run(folder: Path | str, *, unfinished: bool = False) -> SavedRun:
     """Return the run whose files are in ``folder``.
 
     With ``unfinished``, also what a killed run left: its rows and its scenario, no metrics.
@@ -94,6 +94,7 @@ def load_run(folder: Path, *, unfinished: bool = False) -> SavedRun:
     InputError
         It is no folder of a run, the run did not live to its end, or a file is not readable.
     """
+    folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; it should be one that dualbend run left")
     # Beside a run's files it is of a later run: one that finishes takes it away.
