@@ -46,12 +46,15 @@ def executable() -> str | None:
 class Mesh:
     """Elements of the quarter: along half the length, across half the width; plane strain or not.
 
-    ``grading``: how much narrower an element at the free edge is than one in the middle.
+    ``clamp_grading``, ``edge_grading``: how much shorter an element is at the clamp, and narrower
+    at the free edge, than one in the middle. The clamp does not let the thickness change, which
+    stiffens the elements beside it: an error of the order of their length, hence short ones.
     """
 
     along: int = 24
     across: int = 8
-    grading: float = 12.0
+    clamp_grading: float = 40.0
+    edge_grading: float = 12.0
     plane_strain: bool = False
 
 
@@ -105,10 +108,8 @@ def _way(alpha: float) -> list[tuple[float, float | None]]:
 def _mesh(sheet: Sheet, mesh: Mesh) -> tuple[Vector, NDArray[np.int_]]:
     """Return nodes (n, 3) [m] and bricks (m, 20)."""
     nx, ny = 2 * mesh.along, 2 * mesh.across
-    x = np.linspace(-sheet.length_m / 2.0, 0.0, nx + 1)
-    sizes = np.geomspace(mesh.grading, 1.0, mesh.across) if mesh.across > 1 else np.ones(1)
-    edges = np.concatenate([[0.0], np.cumsum(sizes)]) / sizes.sum() * sheet.width_m / 2.0
-    y = np.interp(np.arange(ny + 1) / 2.0, np.arange(mesh.across + 1), edges)
+    x = -_graded(sheet.length_m / 2.0, mesh.along, mesh.clamp_grading)[::-1]
+    y = _graded(sheet.width_m / 2.0, mesh.across, mesh.edge_grading)
     z = np.array([-0.5, 0.0, 0.5]) * sheet.thickness_m
     number, nodes = {}, []
     for i in range(nx + 1):
@@ -123,6 +124,13 @@ def _mesh(sheet: Sheet, mesh: Mesh) -> tuple[Vector, NDArray[np.int_]]:
         for j in range(0, ny, 2)
     ]
     return np.array(nodes), np.array(bricks)
+
+
+def _graded(size: float, count: int, grading: float) -> Vector:
+    """Return corners and middles (2 count + 1,) of elements that get shorter from 0 to size."""
+    lengths = np.geomspace(grading, 1.0, count) if count > 1 else np.ones(1)
+    corners = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum() * size
+    return np.interp(np.arange(2 * count + 1) / 2.0, np.arange(count + 1), corners)
 
 
 def _clamped(face: Vector, length: float, alpha: float) -> Vector:
