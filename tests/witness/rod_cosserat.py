@@ -1,8 +1,7 @@
 """A strip between clamps as a Cosserat rod of PyElastica, brought to rest by damping.
 
-Sections, stiffness and weight are those of the sheet; what statics do not feel is chosen for speed:
-the section's rotary inertia is that of an element as a rigid bar, and the rod stretches and shears
-more easily than the sheet, by a part in 10⁵ at most.
+Stiffness, stretch and shear are those of the sheet's section, and so is the weight. The section's
+rotary inertia, which statics do not feel, is that of an element as a rigid bar, for speed.
 PyElastica bends between elements, so an element whose direction is fixed is a rigid piece: the rod
 is one element longer than the sheet and the clamps are in the middle of the outermost two.
 """
@@ -24,12 +23,14 @@ from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
 
 Vector = NDArray[np.float64]
 
-AXIAL_STIFFNESS_N = 1e6
-"""Instead of the sheet's 7e6 N; the end force of 4 to 8 N strains it by 8e-6 at most."""
-
 COURANT = 0.4
-DECAY_PERIODS = 1.0
-"""How long is waited for rest, in periods of the first clamped mode. Fixed clamps stop that mode and"""
+SHEAR_CORRECTION = 5.0 / 6.0
+DAMPING = 8.0
+"""Rate at which speeds decay, over the first clamped mode's ω₁. Fixed clamps stop that mode, the
+slowest that still swings alike on both sides has 5.4 ω₁."""
+
+PERIODS = 1.0
+"""How long is waited for rest, in periods of that first mode; `unrest` says what is left."""
 
 
 class _World(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping):
@@ -38,7 +39,10 @@ class _World(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping):
 
 @dataclass(frozen=True, kw_only=True)
 class RodLoads:
-    """End force P [N] (compression positive), moment at the left clamp [N m]; last change of P."""
+    """End force P [N] (compression positive) and moment at the left clamp [N m], both (n,).
+
+    ``unrest``: largest change of P in the last tenth of the time, over the Euler load.
+    """
 
     force_n: Vector
     moment_nm: Vector
@@ -51,21 +55,21 @@ def clamped_loads(
     """Return the loads at rest at poses (α [rad], half distance [m]), each from the elastica."""
     loads, unrest = [], 0.0
     for alpha, half_distance in poses:
-        rod, before, after = _rest(sheet, alpha, half_distance, elements, weight=weight)
+        before, after = _rest(sheet, alpha, half_distance, elements, weight=weight)
         loads.append(after)
         unrest = max(unrest, abs(after[0] - before[0]) / sheet.euler_load_n)
-        del rod
     force_n, moment_nm = np.array(loads).T
     return RodLoads(force_n=force_n, moment_nm=moment_nm, unrest=unrest)
 
 
 def _rest(
     sheet: Sheet, alpha: float, half_distance: float, elements: int, *, weight: bool
-) -> tuple[ea.CosseratRod, tuple[float, float], tuple[float, float]]:
+) -> list[tuple[float, float]]:
+    """Return P and M shortly before the end of the wait and at its end."""
     rod = _rod(sheet, alpha, half_distance, elements)
     h = sheet.length_m / elements
     per_length = sheet.mass_kg / sheet.length_m
-    step = COURANT * h / math.sqrt(AXIAL_STIFFNESS_N / per_length)
+    step = COURANT * h / math.sqrt(sheet.axial_stiffness_n / per_length)
     omega = (4.730 / sheet.length_m) ** 2 * math.sqrt(sheet.bending_stiffness_nm2 / per_length)
     world = _World()
     world.append(rod)
@@ -75,7 +79,7 @@ def _rest(
         constrained_director_idx=(0, -1),
     )
     world.dampen(rod).using(
-        ea.AnalyticalLinearDamper, uniform_damping_constant=8.0 * omega, time_step=step
+        ea.AnalyticalLinearDamper, uniform_damping_constant=DAMPING * omega, time_step=step
     )
     if weight:
         world.add_forcing_to(rod).using(
@@ -83,13 +87,13 @@ def _rest(
         )
     world.finalize()
     stepper, time = ea.PositionVerlet(), 0.0
-    count = math.ceil(DECAY_PERIODS * 2.0 * math.pi / omega / step)
+    count = math.ceil(PERIODS * 2.0 * math.pi / omega / step)
     loads = []
     for share in (0.9, 0.1):
         for _ in range(round(share * count)):
             time = stepper.step(world, time, step)
         loads.append(_left_loads(rod, h, weight=weight))
-    return rod, loads[0], loads[1]
+    return loads
 
 
 def _rod(sheet: Sheet, alpha: float, half_distance: float, elements: int) -> ea.CosseratRod:
@@ -111,7 +115,8 @@ def _rod(sheet: Sheet, alpha: float, half_distance: float, elements: int) -> ea.
     rod.bend_matrix[:] = np.diag(
         [E * w**3 * t / 12.0, sheet.bending_stiffness_nm2, sheet.torsional_stiffness_nm2]
     )[:, :, np.newaxis]
-    rod.shear_matrix[:] = np.diag([AXIAL_STIFFNESS_N] * 3)[:, :, np.newaxis]
+    shear = SHEAR_CORRECTION * E * w * t / (2.0 * (1.0 + sheet.poisson_ratio))
+    rod.shear_matrix[:] = np.diag([shear, shear, sheet.axial_stiffness_n])[:, :, np.newaxis]
     mass = sheet.mass_kg / elements
     inertia = mass * np.diag([h**2 + w**2, h**2, h**2 + w**2]) / 12.0
     rod.mass_second_moment_of_inertia[:] = inertia[:, :, np.newaxis]
