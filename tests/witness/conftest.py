@@ -1,4 +1,4 @@
-"""The lane of the witnesses: its marker, its report, and what happens where a witness is missing."""
+"""The lane of the witnesses: its marker, its report, and what a missing witness means."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def report() -> Iterator[Report]:
     """Collect the rows of this session and save them at its end."""
     found = Report()
     yield found
-    if found.rows:
+    if found.runs:
         found.save()
 
 

@@ -10,6 +10,7 @@ as a circular arc asks (no end force, so no buckling point is passed), then brou
 from __future__ import annotations
 
 import math
+import os
 import re
 import shutil
 import subprocess
@@ -28,6 +29,8 @@ EXECUTABLES = ("ccx", "ccx_2.20", "ccx_2.21", "ccx_2.22")
 TILT_STEP_RAD = 0.05
 """Tilt between two steps of the way to the first pose."""
 FIRST_INCREMENT = 0.05
+"""Part of the way between two poses with which CalculiX begins."""
+TIME_LIMIT_S = 900.0
 
 _BRICK = (
     *((0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)),
@@ -83,7 +86,13 @@ def clamped_loads(
     deck = "\n".join(_deck(sheet, mesh, nodes, elements, face, steps))
     (folder / "sheet.inp").write_text(deck + "\n", encoding="ascii")
     done = subprocess.run(
-        [solver, "-i", "sheet"], cwd=folder, capture_output=True, text=True, timeout=900, check=False
+        [solver, "-i", "sheet"],
+        cwd=folder,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=TIME_LIMIT_S,
+        check=False,
     )
     reactions = _reactions(folder / "sheet.dat") if "Job finished" in done.stdout else []
     if len(reactions) != len(steps):

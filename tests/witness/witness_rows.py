@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import platform
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,40 +18,52 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One quantity: this project, theory, witness, and what the difference is a part of.
+    """One quantity at one point: this project, theory and witness, all in ``unit``.
 
-    ``difference`` is witness less project, ``from_theory`` witness less theory, both over
-    ``scale``: |theory| unless the row's name says otherwise. None where there is no such number.
+    ``difference`` is witness less project, ``from_theory`` witness less theory, both over |theory|
+    (or |project| where there is no theory) unless ``scale`` [unit] was given. None: no such number.
+    ``asked``: what was asked for of both, None where nothing was.
     """
 
     witness: str
+    run: str
     quantity: str
+    point: str
     unit: str
     project: float | None
     theory: float | None
     found: float
     difference: float | None
     from_theory: float | None
+    asked: float | None
+
+    def within(self, tolerance: float) -> bool:
+        """Say whether the witness differs from project and theory by less than a part."""
+        parts = [p for p in (self.difference, self.from_theory) if p is not None]
+        # A NaN is not within anything.
+        return bool(parts) and all(abs(part) < tolerance for part in parts)
 
 
 @dataclass(kw_only=True)
-class Report:
-    """What one session of witnesses found: rows, the seconds that each part took, remarks."""
+class Run:
+    """One calculation by a witness, with its rows and the seconds that each part took."""
 
+    witness: str
+    name: str
     rows: list[Row] = field(default_factory=list)
-    seconds: dict[str, dict[str, float]] = field(default_factory=dict)
-    versions: dict[str, str] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
 
     def row(
         self,
-        witness: str,
         quantity: str,
+        point: str,
         unit: str,
         *,
         found: float,
         project: float | None = None,
         theory: float | None = None,
         scale: float | None = None,
+        asked: float | None = None,
     ) -> Row:
         """Add a row."""
         reference = theory if theory is not None else project
@@ -60,43 +73,54 @@ class Report:
             return None if other is None or not size else (float(found) - float(other)) / size
 
         made = Row(
-            witness=witness,
+            witness=self.witness,
+            run=self.name,
             quantity=quantity,
+            point=point,
             unit=unit,
             project=None if project is None else float(project),
             theory=None if theory is None else float(theory),
             found=float(found),
             difference=part(project),
             from_theory=part(theory),
+            asked=asked,
         )
         self.rows.append(made)
         return made
 
-    def timed(self, witness: str, who: str, work: Callable[[], T]) -> T:
+    def timed(self, who: str, work: Callable[[], T]) -> T:
         """Do some work and add the seconds that it took to the account of ``who``."""
         begin = time.perf_counter()
         try:
             return work()
         finally:
-            account = self.seconds.setdefault(witness, {})
-            account[who] = account.get(who, 0.0) + time.perf_counter() - begin
+            self.seconds[who] = self.seconds.get(who, 0.0) + time.perf_counter() - begin
+
+
+@dataclass(kw_only=True)
+class Report:
+    """What one session of witnesses found."""
+
+    runs: list[Run] = field(default_factory=list)
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def run(self, witness: str, name: str) -> Run:
+        """Begin a calculation."""
+        made = Run(witness=witness, name=name)
+        self.runs.append(made)
+        return made
 
     def save(self, path: Path = ROWS_FILE) -> None:
-        """Write the rows; those of witnesses that this session did not call stay."""
-        called = {row.witness for row in self.rows}
-        old: dict[str, Any] = {"rows": [], "seconds": {}, "versions": {}}
+        """Write the runs; those of witnesses that this session did not call stay."""
+        called = {run.witness for run in self.runs}
+        old: dict[str, Any] = {"runs": [], "versions": {}}
         if path.exists():
             old = json.loads(path.read_text(encoding="utf-8"))
-        kept = [row for row in old["rows"] if row["witness"] not in called]
         content = {
-            "rows": kept + [asdict(row) for row in self.rows],
-            "seconds": {**old["seconds"], **self.seconds},
+            "machine": f"Python {platform.python_version()}, {platform.machine()}",
             "versions": {**old["versions"], **self.versions},
+            "runs": [run for run in old["runs"] if run["witness"] not in called]
+            + [asdict(run) for run in self.runs],
         }
         path.parent.mkdir(exist_ok=True)
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-
-
-def worst(parts: Iterable[float | None]) -> float:
-    """Return the largest magnitude."""
-    return max(abs(part) for part in parts if part is not None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,27 +26,37 @@ WIDE = replace(SHIPPED, length_m=0.6, width_m=0.2, thickness_m=0.0005)
 END_RAD = 1.0
 
 
-def piecewise(sheet: Sheet) -> tuple[str, BendingPath, Vector]:
-    """Return the 0.2 rad path and end slopes in the middle of its pieces, where M peaks."""
+@dataclass(frozen=True, kw_only=True)
+class Points:
+    """End slopes [rad] on a named path."""
+
+    name: str
+    path: BendingPath
+    alphas: Vector
+
+
+def piecewise(sheet: Sheet) -> Points:
+    """Return the 0.2 rad path and the middles of its pieces, where M peaks."""
     path = PiecewiseLinearPath.from_interval(sheet.length_m, END_RAD, INTERVAL_RAD)
-    return "0.2 rad path", path, np.array([0.1, 0.3, 0.5, 0.7, 0.9])
+    return Points(name="0.2 rad path", path=path, alphas=np.array([0.1, 0.3, 0.5, 0.7, 0.9]))
 
 
-def exact(sheet: Sheet) -> tuple[str, BendingPath, Vector]:
+def exact(sheet: Sheet) -> Points:
     """Return the zero-moment path and end slopes on it."""
-    return "exact path", ExactPath(sheet.length_m, END_RAD), np.array([0.2, 0.6, 1.0])
+    path = ExactPath(sheet.length_m, END_RAD)
+    return Points(name="exact path", path=path, alphas=np.array([0.2, 0.6, 1.0]))
 
 
-def poses(path: BendingPath, alphas: Vector) -> list[tuple[float, float]]:
+def poses(given: Points) -> list[tuple[float, float]]:
     """Return (α [rad], half distance [m])."""
-    return [(alpha, path.at(alpha)[0]) for alpha in alphas.tolist()]
+    return [(alpha, given.path.at(alpha)[0]) for alpha in given.alphas.tolist()]
 
 
-def simulated(sheet: Sheet, path: BendingPath, alphas: Vector, *, weight: bool) -> EndLoads:
+def simulated(sheet: Sheet, given: Points, *, weight: bool) -> EndLoads:
     """Return this project's simulation in ideal grips, the shipped division."""
-    return settled_loads(sheet, STRIPS.hinges, path, alphas, weight=weight)
+    return settled_loads(sheet, STRIPS.hinges, given.path, given.alphas, weight=weight)
 
 
-def theory(sheet: Sheet, path: BendingPath, alphas: Vector, *, weight: bool) -> EndLoads:
+def theory(sheet: Sheet, given: Points, *, weight: bool) -> EndLoads:
     """Return the elastica off the optimum, by this project's oracle."""
-    return oracle_loads(sheet, path, alphas, weight=weight)
+    return oracle_loads(sheet, given.path, given.alphas, weight=weight)
