@@ -29,7 +29,7 @@ DAMPING = 8.0
 """Rate at which speeds decay, over the first clamped mode's ω₁. Fixed clamps stop that mode, the
 slowest that still swings alike on both sides has 5.4 ω₁."""
 
-PERIODS = 0.6
+PERIODS = 1.0
 """How long is waited for rest, in periods of that first mode; `unrest` says what is left."""
 
 

@@ -113,13 +113,13 @@ class Report:
     def save(self, path: Path = ROWS_FILE) -> None:
         """Write the runs; those of witnesses that this session did not call stay."""
         called = {run.witness for run in self.runs}
-        old: dict[str, Any] = {"runs": [], "versions": {}}
+        old: dict[str, Any] = {}
         if path.exists():
             old = json.loads(path.read_text(encoding="utf-8"))
         content = {
             "machine": f"Python {platform.python_version()}, {platform.machine()}",
-            "versions": {**old["versions"], **self.versions},
-            "runs": [run for run in old["runs"] if run["witness"] not in called]
+            "versions": {**old.get("versions", {}), **self.versions},
+            "runs": [run for run in old.get("runs", []) if run["witness"] not in called]
             + [asdict(run) for run in self.runs],
         }
         path.parent.mkdir(exist_ok=True)
