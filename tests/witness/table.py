@@ -39,7 +39,14 @@ def size(row: dict[str, Any]) -> float:
 
 def line(row: dict[str, Any], points: str) -> str:
     """Return one row of a table."""
-    asked = "" if row["asked"] is None else f" (asked {row['asked'] * 100:g} %)"
+    part = row["asked"]
+    asked = (
+        ""
+        if part is None
+        else f" (asked {100 * part:g} %)"
+        if part > 1e-3
+        else f" (asked {part:.0e})"
+    )
     cells = [
         f"{row['quantity']}{asked}",
         points,
@@ -62,23 +69,29 @@ def short(run: dict[str, Any]) -> Iterator[str]:
         yield line(worst, where)
 
 
-def seconds(run: dict[str, Any]) -> str:
-    """Return the time that each took."""
-    parts = run["seconds"]
-    return ", ".join(
-        f"{who} {parts[who]:.2g} s" for who in ("project", "theory", "witness") if who in parts
-    )
+def heading(run: dict[str, Any], *, times: bool) -> str:
+    """Return the row that begins a run, with the time that each took."""
+    took = run["seconds"]
+    parts = [
+        f"{who} {_rounded(took[who])} s" for who in ("project", "theory", "witness") if who in took
+    ]
+    told = f" ({', '.join(parts)})" if times and parts else ""
+    return f"| **{run['witness']}: {run['name']}**{told} |" + " |" * 7
+
+
+def _rounded(value: float) -> str:
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def page(content: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of the generated part."""
     versions = ", ".join(f"{name} {v}" for name, v in sorted(content["versions"].items()))
-    yield f"{content['machine']}; {versions}. One core, shared with others."
+    yield f"{content['machine']}; {versions}. Seconds of processor time."
     yield ""
     yield HEAD
     yield "|---" * 8 + "|"
     for run in content["runs"]:
-        yield f"| **{run['witness']}: {run['name']}** ({seconds(run)}) |" + " |" * 7
+        yield heading(run, times=True)
         yield from short(run)
     yield ""
     yield "<details><summary>Every point</summary>"
@@ -86,7 +99,7 @@ def page(content: dict[str, Any]) -> Iterator[str]:
     yield HEAD
     yield "|---" * 8 + "|"
     for run in content["runs"]:
-        yield f"| **{run['witness']}: {run['name']}** |" + " |" * 7
+        yield heading(run, times=False)
         yield from (line(row, row["point"]) for row in run["rows"])
     yield ""
     yield "</details>"

@@ -118,7 +118,7 @@ def test_one_axis_from_physical_parameters(
         label = f"{at.alpha_rad:g} rad"
         assert (np.abs(poles).max() < 1.0) == mode.stable
         radius = run.row(
-            "largest |pole|",
+            "largest magnitude of a pole",
             label,
             "1",
             found=np.abs(poles).max(),
