@@ -103,8 +103,8 @@ class Laminate:
             raise InputError(
                 f"the stack {stack} is not symmetric about its middle: "
                 f"B11 = {self.B[0, 0]:.4g} N, {100 * self.coupling:.2g} % of A11 t "
-                f"(its neutral axis lies {100 * share:.2g} % of the thickness off the middle), so it "
-                "would curl; mirror the layers about the middle"
+                f"(neutral axis {100 * share:.2g} % of the thickness off the middle), so it would "
+                "curl; mirror the layers about the middle"
             )
 
     @property

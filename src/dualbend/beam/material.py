@@ -89,7 +89,9 @@ class Material:
     @property
     def in_plane_shear_pa(self) -> float:
         """Shear modulus in the plane, G₁₂ [Pa]; isotropic without one of its own."""
-        isotropic = math.sqrt(self.young_pa * self.transverse_pa) / (2.0 * (1.0 + self.mean_poisson))
+        isotropic = math.sqrt(self.young_pa * self.transverse_pa) / (
+            2.0 * (1.0 + self.mean_poisson)
+        )
         return isotropic if self.shear_pa is None else self.shear_pa
 
     @property

@@ -30,7 +30,7 @@ REACH = 12.0
 
 _GRID = 4001
 _LEAST = 0.05
-"""Of the curvature at first yield: what is no smaller than it as a residual, in the fit's weight."""
+"""Residuals below this much of the curvature at first yield weigh no more in the fit."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ Heavy imports happen inside the commands.
 
 import click
 
-from dualbend.cli import assembly, files, judge, runs, stability, theory
+from dualbend.cli import assembly, files, judge, materials, runs, stability, theory
 from dualbend.cli.common import Commands, examples
 
 
@@ -24,6 +24,7 @@ def main() -> None:
 for _command in (
     runs.run,
     theory.beam,
+    materials.materials,
     theory.validate,
     theory.audit,
     judge.check,

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -49,6 +49,7 @@ def run(
     if scenario is None:
         _which_scenario(asked=not _any_given())
         return
+    from dualbend.analysis.sheet_report import sheet_report, sheet_warning
     from dualbend.analysis.stability import predict
     from dualbend.run.make import make_run
     from dualbend.run.output import prepare_folder, trace_kept, uninterrupted
@@ -58,6 +59,9 @@ def run(
     folder = out if out is not None else Path("runs") / loaded.name
     prepare_folder(folder)
     ready = make_run(loaded)
+    about = sheet_warning(sheet_report(loaded))
+    if about:
+        click.echo(f"warning: {loaded.name}: {about}", err=True)
     prediction = predict(loaded)
     if prediction.rows:
         warning = "" if prediction.verdict == "stable" else "warning: "
@@ -136,8 +140,25 @@ def _write(result: RunResult, folder: Path, record: bool) -> list[str]:
     click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
     for name, metric in numbers["metrics"].items():
         click.echo(f"  {name:<26}{shown(metric['value']):>12}  {metric['unit']}")
+    _show_sheet(numbers["sheet"])
     click.echo(f"results in {folder}")
     return failures
+
+
+def _show_sheet(sheet: dict[str, Any]) -> None:
+    """Print what the choice of rigidity does, and where the elastic theory does not apply."""
+    others = ", ".join(
+        f"{kind} {choice['end_force_change_percent']:+.2g} % end force"
+        for kind, choice in sheet["choices"].items()
+        if kind != sheet["rigidity"]
+    )
+    taken = sheet["choices"][sheet["rigidity"]]
+    click.echo(
+        f"  sheet as a {sheet['rigidity']}: {taken['bending_stiffness_nm2']:.4g} N m² "
+        f"({taken['over_beam']:.4g} EI); as {others}"
+    )
+    if sheet["theory"] != "applies":
+        click.echo(f"  elastic theory {sheet['theory']}")
 
 
 @click.command(epilog=examples("dualbend render pwb --out pwb.gif --speed 4"))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.run.permanent_set import hinge_moments
 from dualbend.run.recording_log import Vector
 from dualbend.run.runner import RunResult
 from dualbend.scene.cell import SIDES
@@ -37,7 +38,7 @@ class Scales:
             np.abs([trace[f"{s}_true_{kind}_{a}"] for s in SIDES for a in "xyz"]).max(initial=1e-6)
             for kind in ("force", "moment")
         )
-        peak = result.bend_stiffness * np.abs(trace.bends).max(initial=1e-6)
+        peak = max(np.abs(hinge_moments(result)).max(initial=0.0), 1e-6 * result.bend_stiffness)
         return cls(
             moment_range_n_m=float(_NICE[0.999 * peak <= _NICE].min()),
             force_m_per_n=float(_NICE[LONGEST_ARROW_M / force >= _NICE].max()),

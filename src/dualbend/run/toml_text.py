@@ -28,6 +28,9 @@ def toml(value: object) -> str:
         return number(value)
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(toml, value))}]"
+    if isinstance(value, msgspec.Struct):
+        pairs = msgspec.structs.asdict(value).items()
+        return f"{{ {', '.join(f'{key} = {toml(item)}' for key, item in pairs)} }}"
     return _basic_string(str(value))
 
 
