@@ -47,7 +47,7 @@ def test_a_symmetric_stack_does_not_curl_and_an_unequal_one_does(
     assert symmetric.coupling < 1e-12
     assume(abs(face.young_pa - core.young_pa) > 0.01 * core.young_pa)
     assume(0.01 < face_m / core_m < 100.0)
-    with pytest.raises(InputError, match="B11 = .*mirror the layers"):
+    with pytest.raises(InputError, match=r"B11 = .*mirror the layers"):
         stack([(face, face_m), (core, core_m)]).refuse_curl()
 
 
@@ -92,7 +92,7 @@ def test_the_stiffness_is_symmetric_and_positive(
 
 
 def test_copper_on_fr4_by_hand() -> None:
-    # By hand, without Poisson's difference: (E_c (t³ − c³) + E_f c³) / 12 with c = 0.5, t = 0.57 mm.
+    # By hand, without Poisson's difference: (E_c (t³ − c³) + E_f c³) / 12; c = 0.5, t = 0.57 mm.
     hand = (120e9 * (0.57e-3**3 - 0.5e-3**3) + 24e9 * 0.5e-3**3) / 12.0
     # That difference (0.34 against 0.136) stiffens by 1 %.
     assert CLAD.bending_per_width_nm == pytest.approx(hand, rel=0.015)

@@ -53,7 +53,7 @@ def test_both_directions_of_fr4_are_one_material() -> None:
 
 
 def test_an_unknown_material_names_the_nearest_and_all_valid_ones() -> None:
-    with pytest.raises(InputError, match="did you mean '6061-T6'.*2024-T3") as caught:
+    with pytest.raises(InputError, match=r"did you mean '6061-T6'.*") as caught:
         find_material("6061-t66")
     assert all(name in str(caught.value) for name in library())
 
