@@ -25,11 +25,14 @@ from dualbend.beam.laminate import Laminate, stack
 from dualbend.beam.material import Material, find_material
 from dualbend.beam.path import ExactPath
 from dualbend.beam.plastic import of_laminate, of_material
+from dualbend.beam.plastic_rod import solve_plastic
 from dualbend.beam.sheet import Sheet
 from dualbend.run.permanent_set import permanent_curvature
 from dualbend.run.runner import BendingRun, RunResult
 from dualbend.run.scenario import load_scenario
+from dualbend.scene.cell import SIDES
 from dualbend.scene.sheet import StripConfig, bend_joint
+from dualbend.task.bending import PHASES
 
 Vector = NDArray[np.float64]
 
@@ -160,9 +163,30 @@ def run_springback() -> tuple[BendingRun, RunResult]:
     return run, run.run()
 
 
+def bent_rows(result: RunResult) -> Iterator[Row]:
+    """Compare the sheet at rest in its bent end with the rod that yields, at the edges' poses."""
+    trace, config = result.trace, result.scenario.sheet
+    row = int(np.flatnonzero(trace["phase"] == PHASES.index("hold"))[-1])
+    alpha, x = (
+        float(np.mean([trace[f"{side}_edge_{part}"][row] for side in SIDES]))
+        for part in ("alpha", "x")
+    )
+    sheet = config.sheet()
+    rod = solve_plastic(sheet, alpha, -x, sheet.weight_per_length_n_per_m)
+    largest = np.abs(trace.bends[row]).max() * config.strips.hinges / config.length_m
+    for what, measured, wanted, unit, tolerance in (
+        ("end force", -trace["left_true_force_x"][row], rod.end_force_n, "N", 0.01),
+        ("end moment", trace["left_true_moment_y"][row], rod.end_moment_nm, "N m", 0.01),
+        ("largest curvature", largest, rod.curvature_max_per_m, "1/m", 0.03),
+    ):
+        name = f"{SCENARIO} {what} against the rod that yields"
+        yield relative(name, float(measured), wanted, unit, tolerance)
+
+
 def cell_rows() -> Iterator[Row]:
     """Compare what the sheet keeps in the cell with the theory of its most bent hinge."""
     run, result = run_springback()
+    yield from bent_rows(result)
     config = result.scenario.sheet
     sheet = config.sheet()
     assert sheet.plasticity is not None
