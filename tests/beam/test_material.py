@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -72,6 +73,12 @@ def test_the_tables_hold_every_material() -> None:
     for text in (material_table.overview(library()), material_table.markdown(library())):
         assert all(name in text for name in library())
     assert set(json.loads(material_table.as_json(library()))) == set(library())
+
+
+def test_the_page_has_the_table_of_the_library() -> None:
+    page = Path(__file__).parents[2] / "docs" / "materials.md"
+    # Made with: dualbend materials --markdown
+    assert material_table.markdown(library()) in page.read_text(encoding="utf-8")
 
 
 def test_the_plastic_moment_is_one_and_a_half_times_the_first() -> None:
