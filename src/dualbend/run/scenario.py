@@ -130,7 +130,7 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             float,
             msgspec.Meta(
                 ge=0,
-                description='at which rigidity = "width" is taken; none: the largest of the path',
+                description='at which rigidity = "width" is taken; none: largest of the path [1/m]',
             ),
         ]
         | None
