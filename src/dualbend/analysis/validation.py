@@ -22,7 +22,7 @@ __all__ = ["Row", "run_validation"]
 
 
 def run_validation(on_row: Callable[[Row], None] | None = None) -> list[Row]:
-    """Return all rows; call ``on_row`` with each as soon as it is known. Takes 110 s on one core."""
+    """Return all rows; call ``on_row`` with each as soon as it is known. Takes 110 s."""
     rows = []
     for row in _rows():
         rows.append(row)
