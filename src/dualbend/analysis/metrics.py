@@ -19,7 +19,9 @@ from dualbend.analysis.assembly_metrics import (
     pin_table,
     seated,
 )
+from dualbend.analysis.sheet_report import sheet_report
 from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.run.permanent_set import permanent_curvature
 from dualbend.run.runner import RunResult
 from dualbend.scene.cell import SIDES
 from dualbend.task.assembly_plan import plan_assembly
@@ -34,6 +36,14 @@ OSCILLATION_WINDOW_S = 1.0
 _SHORTEST_RECORD = round(OSCILLATION_WINDOW_S / COMMAND_PERIOD_S)
 _FEWEST_EXTREMES = 3
 _NOTICEABLE = 0.3
+
+
+_SET_UNITS = {
+    "permanent_curvature": "1/m",
+    "permanent_end_slope": "rad",
+    "curvature_before_release": "1/m",
+}
+"""Largest curvature that is kept; slope of the free sheet's ends; the largest it had there."""
 
 
 class Metric(msgspec.Struct, frozen=True):
@@ -71,7 +81,9 @@ def compute_metrics(result: RunResult) -> dict[str, Metric]:
     )
     oscillation, frequency, growth = oscillation_of(moment)
     trace, wall = result.trace, result.wall_time_s
+    plastic = permanent_set(result) if result.scenario.sheet.plastic else {}
     return {
+        **plastic,
         "peak_moment": Metric(_peak(moment), "N m"),
         "rms_moment": Metric(_finite(np.sqrt(np.mean(moment**2))) if moment.size else None, "N m"),
         "peak_moment_by_piece": Metric([_finite(p) for p in peak_by_piece(result)], "N m"),
@@ -109,10 +121,26 @@ def peak_by_piece(result: RunResult) -> list[float]:
 
 def surface_strain(result: RunResult) -> Vector:
     """Return the largest surface strain of each row, ε = |Δθ| t / (2 h) (rows,)."""
-    sheet = result.scenario.sheet
-    spacing = sheet.length_m / sheet.strips.hinges
+    sheet, hinges = result.scenario.sheet.sheet(), result.scenario.sheet.strips.hinges
+    spacing = sheet.length_m / hinges
     curvature = np.abs(result.trace.bends).max(axis=1, initial=0.0) / spacing
     return np.asarray(curvature * sheet.thickness_m / 2.0)
+
+
+def permanent_set(result: RunResult) -> dict[str, Metric]:
+    """Return what a sheet that yields keeps at the end of the run, were it let go."""
+    kept = permanent_curvature(result)
+    sheet = result.scenario.sheet
+    if not kept.size:
+        return {name: Metric(None, unit) for name, unit in _SET_UNITS.items()}
+    last = np.abs(kept[-1])
+    strained = np.abs(result.trace.bends).max(axis=0) * sheet.strips.hinges / sheet.length_m
+    slope = float(abs(kept[-1].sum())) * sheet.length_m / sheet.strips.hinges / 2.0
+    numbers = (float(last.max()), slope, float(strained[np.argmax(last)]))
+    return {
+        name: Metric(_finite(number), unit)
+        for (name, unit), number in zip(_SET_UNITS.items(), numbers, strict=True)
+    }
 
 
 def oscillation_of(moment: Vector) -> tuple[float | None, float | None, float | None]:
@@ -183,7 +211,7 @@ def assembly_metrics(result: RunResult) -> dict[str, Metric]:
         "peak_moment": Metric(_largest(phases, "peak_moment_nm"), "N m"),
         "peak_force": Metric(_largest(phases, "peak_force_n"), "N"),
         "peak_surface_strain": Metric(_peak(surface_strain(result)), "1"),
-        "yield_strain": Metric(config.limits.yield_pa / sheet.young_pa, "1"),
+        "yield_strain": Metric(result.scenario.limit_strain, "1"),
         "middle_spacing_error": Metric(spacing, "m"),
         "retries": Metric(
             float(sum(p["attempt"] > 0 for p in phases if "lower" in p["phase"])), "1"
@@ -219,6 +247,7 @@ def summary(result: RunResult) -> dict[str, Any]:
         "reason": result.reason,
         **({"controller": result.controller} if result.controller else {}),
         "versions": versions(),
+        "sheet": msgspec.to_builtins(sheet_report(result.scenario)),
         "metrics": {name: msgspec.to_builtins(metric) for name, metric in metrics.items()},
         **tables,
     }

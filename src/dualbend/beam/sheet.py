@@ -1,18 +1,44 @@
 """The sheet: a rectangular elastic plate strip, held at two opposite edges."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from dualbend.beam._check import positive
+from dualbend.beam.plastic import Plasticity
+from dualbend.beam.rigidity import Rigidity, rigidity_ratio
 from dualbend.errors import InputError
 
 GRAVITY_M_PER_S2 = 9.81
 """Standard gravity of this project [m/s²]."""
 
 
+_SIZES = ("length_m", "width_m", "thickness_m", "young_pa", "density_kg_per_m3")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Anisotropy:
+    """What a weave or a laminate has otherwise than one isotropic layer, over its E of bending.
+
+    ``shear``: 12 D66/t³, so that GJ = D66 · 4 w; ``stretch``: A11/t without Poisson's; ``across``:
+    D22/D11.
+    """
+
+    shear: float
+    stretch: float = 1.0
+    across: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("shear", "stretch", "across"):
+            positive(name, getattr(self, name))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Sheet:
     """A sheet of size length × width × thickness; the length is the free one between grippers.
+
+    ``young_pa`` is that of bending as a beam, ``poisson_ratio`` √(ν₁₂ ν₂₁). ``rigidity`` says
+    whether the sheet bends as a beam, as a plate, or between them by its width at the curvature
+    ``curvature_per_m``. ``anisotropy`` None: isotropic; ``plasticity`` None: it does not yield.
 
     Raises InputError where a size, the modulus or the density is not finite and above zero, the
     Poisson ratio is outside [0, 0.5), or the thickness exceeds the width.
@@ -24,11 +50,14 @@ class Sheet:
     young_pa: float
     poisson_ratio: float
     density_kg_per_m3: float
+    rigidity: Rigidity = "beam"
+    curvature_per_m: float = 0.0
+    anisotropy: Anisotropy | None = None
+    plasticity: Plasticity | None = None
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if field.name != "poisson_ratio":
-                positive(field.name, getattr(self, field.name))
+        for name in _SIZES:
+            positive(name, getattr(self, name))
         if not 0.0 <= self.poisson_ratio < 0.5:
             raise InputError(f"poisson_ratio must lie in [0, 0.5), got {self.poisson_ratio!r}")
         if self.thickness_m > self.width_m:
@@ -43,8 +72,24 @@ class Sheet:
 
     @property
     def bending_stiffness_nm2(self) -> float:
-        """Bending stiffness of the strip as a beam, E I [N m²]."""
-        return self.young_pa * self.second_moment_m4
+        """Bending stiffness of the strip, E I times :meth:`rigidity_over_beam` [N m²]."""
+        beam = self.young_pa * self.second_moment_m4
+        return beam if self.rigidity == "beam" else beam * self.rigidity_over_beam(self.rigidity)
+
+    def rigidity_over_beam(self, rigidity: Rigidity) -> float:
+        """Return the bending stiffness over E I: 1 as a beam, 1/(1 − ν²) as a plate.
+
+        By its width: as :func:`~dualbend.beam.rigidity.rigidity_ratio` has it.
+        """
+        kind = self.anisotropy
+        return rigidity_ratio(
+            rigidity,
+            self.poisson_ratio,
+            self.width_m,
+            self.thickness_m,
+            self.curvature_per_m,
+            1.0 if kind is None else kind.stretch / kind.across,
+        )
 
     @property
     def mass_kg(self) -> float:
@@ -71,13 +116,16 @@ class Sheet:
 
     @property
     def torsional_stiffness_nm2(self) -> float:
-        """Torsional stiffness, G J with G = E / (2 (1 + ν)) [N m²]."""
+        """Torsional stiffness, G J with G = E / (2 (1 + ν)), or from D66 [N m²]."""
+        if self.anisotropy is not None:
+            return self.young_pa * self.anisotropy.shear * self.torsion_constant_m4
         return self.young_pa / (2.0 * (1.0 + self.poisson_ratio)) * self.torsion_constant_m4
 
     @property
     def axial_stiffness_n(self) -> float:
         """Axial stiffness, E w t [N]."""
-        return self.young_pa * self.width_m * self.thickness_m
+        stretch = 1.0 if self.anisotropy is None else self.anisotropy.stretch
+        return self.young_pa * stretch * self.width_m * self.thickness_m
 
     @property
     def euler_load_n(self) -> float:

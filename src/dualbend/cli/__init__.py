@@ -7,7 +7,17 @@ Heavy imports happen inside the commands.
 
 import click
 
-from dualbend.cli import assembly, files, judge, report, runs, stability, sweep, theory
+from dualbend.cli import (
+    assembly,
+    files,
+    judge,
+    materials,
+    report,
+    runs,
+    stability,
+    sweep,
+    theory,
+)
 from dualbend.cli.common import Commands, examples
 
 
@@ -24,6 +34,7 @@ def main() -> None:
 for _command in (
     runs.run,
     theory.beam,
+    materials.materials,
     theory.validate,
     theory.audit,
     judge.check,

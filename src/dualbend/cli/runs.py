@@ -6,7 +6,7 @@ import os
 import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -59,6 +59,7 @@ def run(
     if scenario is None:
         _which_scenario(asked=not _any_given())
         return
+    from dualbend.analysis.sheet_report import sheet_report, sheet_warning
     from dualbend.analysis.stability import predict
     from dualbend.run.make import make_run
     from dualbend.run.output import prepare_folder, trace_kept, uninterrupted
@@ -69,6 +70,9 @@ def run(
     prepare_folder(folder)
     ready = make_run(loaded)
     live = nullcontext() if address is None else _live(ready, address, folder, record=record)
+    about = sheet_warning(sheet_report(loaded))
+    if about:
+        click.echo(f"warning: {loaded.name}: {about}", err=True)
     prediction = predict(loaded)
     if prediction.rows:
         warning = "" if prediction.verdict == "stable" else "warning: "
@@ -165,12 +169,29 @@ def _write(
     click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
     for name, metric in numbers["metrics"].items():
         click.echo(f"  {name:<26}{shown(metric['value']):>12}  {metric['unit']}")
+    _show_sheet(numbers["sheet"])
     if record and result.simulated_s > 0.0 and (folder / "run.rrd").is_file():
         size = (folder / "run.rrd").stat().st_size / 1e6
         per_minute = 60.0 * size / result.simulated_s
         click.echo(f"run.rrd: {size:.2f} MB, {per_minute:.2f} MB per simulated minute")
     click.echo(f"results in {folder}")
     return failures
+
+
+def _show_sheet(sheet: dict[str, Any]) -> None:
+    """Print what the choice of rigidity does, and where the elastic theory does not apply."""
+    others = ", ".join(
+        f"{kind} {choice['end_force_change_percent']:+.2g} % end force"
+        for kind, choice in sheet["choices"].items()
+        if kind != sheet["rigidity"]
+    )
+    taken = sheet["choices"][sheet["rigidity"]]
+    click.echo(
+        f"  sheet as a {sheet['rigidity']}: {taken['bending_stiffness_nm2']:.4g} N m² "
+        f"({taken['over_beam']:.4g} EI); as {others}"
+    )
+    if sheet["theory"] != "applies":
+        click.echo(f"  elastic theory {sheet['theory']}")
 
 
 @click.command(epilog=examples("dualbend render pwb --out pwb.gif --speed 4"))

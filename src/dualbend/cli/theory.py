@@ -12,44 +12,74 @@ from dualbend.cli.common import EXIT_FAILED_CHECK, examples
 
 if TYPE_CHECKING:
     from dualbend.analysis.validation import Row
+    from dualbend.beam.rigidity import Rigidity
 
 
 @click.command(
     epilog=examples(
-        "dualbend beam --length 0.6 --width 0.1 --thickness 0.001 --young 69e9 --alpha 0.2"
+        "dualbend beam --length 0.6 --width 0.1 --thickness 0.001 --young 69e9 --alpha 0.2",
+        "dualbend beam --length 0.6 --width 0.1 --thickness 0.001 --material 6061-T6 --alpha 1",
     )
 )
 @click.option("--length", type=float, required=True, help="Free length L [m].")
 @click.option("--width", type=float, required=True, help="Width w [m].")
 @click.option("--thickness", type=float, required=True, help="Thickness t [m].")
-@click.option("--young", type=float, required=True, help="Young's modulus E [Pa].")
+@click.option("--young", type=float, help="Young's modulus E [Pa]; none: the material's.")
+@click.option("--material", help="From dualbend materials: E, ν, weight and limit.")
+@click.option(
+    "--rigidity",
+    type=click.Choice(["beam", "plate", "width"]),
+    default="beam",
+    show_default=True,
+    help="Bending stiffness: EI, EI / (1 - ν²), or between by the width.",
+)
+@click.option("--poisson", type=float, help="Poisson's ratio ν; none: the material's, or 0.3.")
 @click.option("--alpha", type=float, required=True, help="End slope α [rad].")
 @click.option(
     "--half-distance", type=float, help="Half distance of the grips [m]; none: no end moment."
 )
-@click.option("--weight", type=float, default=0.0, help="Weight per length q [N/m].")
+@click.option("--weight", type=float, help="Weight per length q [N/m]; none: the material's, or 0.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def beam(
     length: float,
     width: float,
     thickness: float,
-    young: float,
+    young: float | None,
+    material: str | None,
+    rigidity: Rigidity,
+    poisson: float | None,
     alpha: float,
     half_distance: float | None,
-    weight: float,
+    weight: float | None,
     as_json: bool,
 ) -> None:
-    """Force, moment and shape of a sheet between two grips."""
+    """Force, moment and shape of a sheet between two grips.
+
+    What the other ways to take its bending stiffness would make of the force; with a material,
+    the surface strain and its limit.
+    """
     from dualbend.beam.calculator import bent_sheet
 
-    state = bent_sheet(length, width, thickness, young, alpha, half_distance, weight)
+    state = bent_sheet(
+        length,
+        width,
+        thickness,
+        young,
+        alpha,
+        half_distance,
+        weight,
+        material=material,
+        rigidity=rigidity,
+        poisson_ratio=poisson,
+    )
     if as_json:
         import json
 
         click.echo(json.dumps(state))
         return
     for key, value in state.items():
-        click.echo(f"{key:<22}{value:>14.6g}")
+        shown = f"{value:>14.6g}" if isinstance(value, float) else f"{value!s:>14}"
+        click.echo(f"{key:<30}{shown}")
 
 
 @click.command(epilog=examples("dualbend validate --markdown validation.md"))

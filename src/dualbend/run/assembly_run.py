@@ -82,7 +82,7 @@ def assembly_plan(scenario: Scenario) -> AssemblyPlan:
             f"{source}: arms.sensing = {list(scenario.arms.sensing)}: "
             f"assembly.compliance needs the net force of both arms, {list(SIDES)}"
         )
-    strain = config.limits.yield_pa / sheet.young_pa
+    strain = scenario.limit_strain
     try:
         check_workplace(config, sheet)
         plan = plan_assembly(sheet, config.layout.holes, config.layout.pins, yield_strain=strain)
@@ -118,6 +118,8 @@ class AssemblyRun(Run):
         self.config, sheet = scenario.assembly, scenario.sheet.sheet()
         self._path = make_path(scenario.path, sheet.length_m)
         self._believed = sheet
+        limit = scenario.limit_strain
+        assert limit is not None  # an assembly has one
         task = self._make_task()
         scenario = self.scenario = with_placements(scenario, self._targets(task))
         try:
@@ -125,6 +127,7 @@ class AssemblyRun(Run):
         except InputError as error:
             raise self._out_of_reach("approach", error) from error
         super().__init__(scenario, cell)
+        self._limit_strain = limit * sheet.young_pa / cell.sheet.young_pa
         self._foresee(task)
         simulation, layout = cell.simulation, self.config.true_layout()
         self.grippers = Grippers(simulation.model, simulation.data, cell.sheet.thickness_m)
@@ -315,10 +318,10 @@ class AssemblyRun(Run):
             ]
         )
         strain = self._surface_strain()
-        if strain > limits.yield_pa / self.cell.sheet.young_pa:
+        if strain > self._limit_strain:
             raise SimulationFailed(
                 f"{PHASES[goal.phase]}: the sheet's surface strain is {strain:.2e}, above yield, "
-                f"{limits.yield_pa / self.cell.sheet.young_pa:.2e}"
+                f"{self._limit_strain:.2e}"
             )
         for force, limit, what in (
             (peaks[0], limits.pin_force_n, "pin"),

@@ -78,6 +78,11 @@ def sections() -> list[Section]:
     return list(_walk(Scenario, (), None, optional=False))
 
 
+def section_of(struct: type[msgspec.Struct]) -> Section:
+    """Return the section that a struct would be, one that stands in a list and not by itself."""
+    return next(_walk(struct, (), None, optional=False))
+
+
 def _walk(
     struct: type[msgspec.Struct], path: tuple[str, ...], instance: object, *, optional: bool
 ) -> Iterator[Section]:
@@ -194,6 +199,8 @@ def _kind(info: mi.Type) -> str:
         return f"{', '.join(words)} or {last}" if words else last
     if isinstance(info, mi.VarTupleType):
         item, _ = _plain(info.item_type)
+        if isinstance(item, mi.StructType):
+            return f"list of {{ {', '.join(f.encode_name for f in item.fields)} }}"
         inner = _kind(item)
         return f"list of {inner if isinstance(item, mi.LiteralType) else _plural(inner)}"
     if isinstance(info, mi.TupleType):

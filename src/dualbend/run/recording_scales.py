@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.beam import elastica
+from dualbend.run.permanent_set import hinge_moments
 from dualbend.run.recording_log import Vector
 from dualbend.run.runner import RunResult
 from dualbend.run.scenario import Scenario
@@ -39,7 +40,7 @@ class Scales:
             np.abs([trace[f"{s}_true_{kind}_{a}"] for s in SIDES for a in "xyz"]).max(initial=1e-6)
             for kind in ("force", "moment")
         )
-        peak = result.bend_stiffness * np.abs(trace.bends).max(initial=1e-6)
+        peak = max(np.abs(hinge_moments(result)).max(initial=0.0), 1e-6 * result.bend_stiffness)
         return cls._round(peak, force, torque)
 
     @classmethod

@@ -15,6 +15,7 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dualbend.run.permanent_set import hinge_moments
 from dualbend.run.recording_assembly import carried, log_holes, log_laid, places
 from dualbend.run.recording_log import FRAME_CYCLES, RecordingLog, Vector
 from dualbend.run.recording_scales import Scales, diverging_colours
@@ -256,7 +257,7 @@ def _log_sheet(
     scales: Scales,
 ) -> None:
     """Log the sheet as one ribbon through the hinge lines, coloured by the bending moment there."""
-    moment = result.bend_stiffness * result.trace.bends
+    moment = hinge_moments(result)
     # Half a strip beyond the last hinges.
     ends = 1.5 * moment[:, [0, -1]] - 0.5 * moment[:, [1, -2]]
     moment = np.concatenate((ends[:, :1], moment, ends[:, 1:]), axis=1)

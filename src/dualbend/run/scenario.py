@@ -18,6 +18,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 import tomli_w
 
+from dualbend.beam import elastica
+from dualbend.beam.rigidity import Rigidity
 from dualbend.beam.sheet import Sheet
 from dualbend.control.admittance import AdmittanceConfig
 from dualbend.control.alter import AlterConfig, steps_per_cycle
@@ -29,14 +31,18 @@ from dualbend.errors import InputError
 from dualbend.resources import scenarios_dir
 from dualbend.run.arm_change import without_other_arms
 from dualbend.run.guard import GuardConfig
+from dualbend.run.sheet_material import MATERIAL_KEYS, check_sheet, make_sheet, substance
 from dualbend.scene.arm_catalog import JOINT_COUNT, ArmName
 from dualbend.scene.cell import SIDES, CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
-from dualbend.task.assembly_config import AssemblyConfig
+from dualbend.task.assembly_config import DEFAULT_YIELD_PA, AssemblyConfig
 from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
 
 _ALTERNATIVES = ("interval_rad", "pieces")
 """Keys of a path that say the same thing: giving one takes the other back."""
+
+_REPLACES = re.compile(r"^\s*([\w.]+\.kind|sheet\.material|sheet\.layers|arm\.\w+)\s*=")
+"""Settings that take back what the section had."""
 
 Outcome = Literal["completed", "aborted", "protective_stop", "failed"]
 
@@ -49,39 +55,105 @@ UNSET = "none"
 _SMALLEST, _LARGEST = 1e-15, 1e15
 
 
+class LayerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One layer of a laminate, from the sheet's lower face to its upper one."""
+
+    material: Annotated[str, msgspec.Meta(description="from `dualbend materials`")]
+    thickness_m: Annotated[float, msgspec.Meta(ge=1e-6, le=0.01, description="of this layer")]
+
+
 class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Material, size and division of the sheet; the length is the free one between the grips."""
+    """Size, material and division of the sheet; the length is the free one between the grips.
+
+    The material is one of the library (`dualbend materials`), or numbers, or both: a number that
+    is given wins. A laminate's layers say thickness and all properties.
+    """
 
     length_m: Annotated[
         float, msgspec.Meta(ge=0.05, le=3.0, description="free length between the grips")
     ]
     width_m: Annotated[float, msgspec.Meta(ge=0.005, le=3.0, description="along the bending axis")]
-    thickness_m: Annotated[
-        float, msgspec.Meta(ge=1e-5, le=0.01, description="at most a twentieth of length and width")
-    ]
-    young_pa: Annotated[float, msgspec.Meta(ge=1e8, le=1e12, description="Young's modulus")]
-    poisson_ratio: Annotated[float, msgspec.Meta(ge=0, lt=0.5, description="enters the twist")]
-    density_kg_per_m3: Annotated[float, msgspec.Meta(ge=100, le=25000, description="mass density")]
+    thickness_m: (
+        Annotated[
+            float,
+            msgspec.Meta(
+                ge=1e-5,
+                le=0.01,
+                description="at most a twentieth of length and width; none: that of the layers",
+            ),
+        ]
+        | None
+    ) = None
+    material: (
+        Annotated[
+            str, msgspec.Meta(description="from `dualbend materials`; gives what is none below")
+        ]
+        | None
+    ) = None
+    layers: (
+        Annotated[
+            tuple[LayerConfig, ...],
+            msgspec.Meta(
+                min_length=1,
+                max_length=50,
+                description="a laminate from its lower to its upper face, symmetric",
+            ),
+        ]
+        | None
+    ) = None
+    young_pa: (
+        Annotated[float, msgspec.Meta(ge=1e8, le=1e12, description="Young's modulus")] | None
+    ) = None
+    poisson_ratio: (
+        Annotated[
+            float, msgspec.Meta(ge=0, lt=0.5, description="enters the twist and a plate's rigidity")
+        ]
+        | None
+    ) = None
+    density_kg_per_m3: (
+        Annotated[float, msgspec.Meta(ge=100, le=25000, description="mass density")] | None
+    ) = None
+    yield_pa: (
+        Annotated[float, msgspec.Meta(gt=0, description="0.2 % yield strength; none: not known")]
+        | None
+    ) = None
+    tangent_pa: (
+        Annotated[float, msgspec.Meta(ge=0, description="slope of the stress beyond yield")] | None
+    ) = None
+    rigidity: Annotated[
+        Rigidity,
+        msgspec.Meta(
+            description="bends as a beam (EI), as a plate (EI / (1 - nu²)), or between them by its "
+            "width"
+        ),
+    ] = "beam"
+    curvature_per_m: (
+        Annotated[
+            float,
+            msgspec.Meta(
+                ge=0,
+                description='at which rigidity = "width" is taken; none: largest of the path [1/m]',
+            ),
+        ]
+        | None
+    ) = None
+    plastic: Annotated[
+        bool, msgspec.Meta(description="it yields and springs back; false: it stays elastic")
+    ] = False
     strips: StripConfig = StripConfig()
 
     def __post_init__(self) -> None:
-        """Refuse what is no thin sheet."""
-        if self.thickness_m > 0.05 * min(self.length_m, self.width_m):
-            raise ValueError(
-                f"thickness_m = {self.thickness_m} is no thin sheet: at most a twentieth "
-                f"of length_m = {self.length_m} and width_m = {self.width_m}; all are in metres"
-            )
+        """Refuse what is no thin sheet, no known material, and a laminate that would curl."""
+        check_sheet(self)
+
+    @property
+    def limit_strain(self) -> float | None:
+        """Surface strain κ t/2 at which the sheet yields or breaks; None: not known."""
+        return substance(self).surface_limit()
 
     def sheet(self) -> Sheet:
         """Return the sheet that the beam mathematics speaks of."""
-        return Sheet(
-            length_m=self.length_m,
-            width_m=self.width_m,
-            thickness_m=self.thickness_m,
-            young_pa=self.young_pa,
-            poisson_ratio=self.poisson_ratio,
-            density_kg_per_m3=self.density_kg_per_m3,
-        )
+        return make_sheet(self)
 
 
 class ArmsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -179,10 +251,23 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     expect: ExpectConfig = ExpectConfig()
 
     def __post_init__(self) -> None:
-        """Refuse a run that is too long to be meant, and a number of joints that no arm has."""
+        """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""
         self._refuse_joint_counts()
+        if self.sheet.plastic and self.assembly is not None:
+            raise ValueError(
+                "sheet.plastic = true: an assembly ends where the sheet would yield; not both"
+            )
+        self._resolve_curvature()
         law = make_time_law(self.path, self.motion)
         total = self.motion.settle_s + law.duration_s + self.motion.hold_s
+        if self.motion.return_rad is not None:
+            if not self.path.start_rad <= self.motion.return_rad < self.path.end_rad:
+                raise ValueError(
+                    f"motion.return_rad = {self.motion.return_rad} must lie between "
+                    f"path.start_rad = {self.path.start_rad} and path.end_rad = {self.path.end_rad}"
+                )
+            back = make_time_law(self.path, self.motion, back=True)
+            total += back.duration_s + self.motion.hold_s
         if not total <= LONGEST_RUN_S:
             raise ValueError(
                 f"motion.speed_rad_per_s = {self.motion.speed_rad_per_s} with "
@@ -203,6 +288,26 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                         f"{key} has {len(values)} values, the {side} arm {name!r} has "
                         f"{JOINT_COUNT[name]} joints"
                     )
+
+    def _resolve_curvature(self) -> None:
+        """Take the width's rigidity at the path's largest curvature, (4 K/L) sin(α/2)."""
+        sheet = self.sheet
+        if sheet.rigidity == "width" and sheet.curvature_per_m is None:
+            largest = elastica.curvature_max(self.path.end_rad, sheet.length_m)
+            msgspec.structs.force_setattr(
+                self, "sheet", msgspec.structs.replace(sheet, curvature_per_m=largest)
+            )
+
+    @property
+    def limit_strain(self) -> float | None:
+        """Surface strain at which the sheet yields or breaks; None: not known."""
+        known, sheet = self.sheet.limit_strain, self.sheet.sheet()
+        if self.assembly is None:
+            return known
+        given = self.assembly.limits.yield_pa
+        if given is None and known is not None:
+            return known
+        return (DEFAULT_YIELD_PA if given is None else given) / sheet.young_pa
 
     def to_toml(self) -> str:
         """Return the resolved scenario: loading it again gives an equal object."""
@@ -233,8 +338,8 @@ def resolve_scenario(
 ) -> Scenario:
     """Return the scenario of tables with settings applied; ``source`` is named in messages."""
     data = dict(tables)
-    # A new kind replaces its section, so it comes first: the other settings of the section stay.
-    # So does another arm, which takes the places of the one before back.
+    # A new kind, material or arm takes back what the one before had: it comes first, the others
+    # stay.
     for setting in sorted(settings, key=_comes_late):
         data = _apply(data, setting)
     if seed is not None:
@@ -243,8 +348,7 @@ def resolve_scenario(
 
 
 def _comes_late(setting: str) -> bool:
-    key = setting.partition("=")[0].strip()
-    return not (key.endswith(".kind") or key.startswith("arm."))
+    return not _REPLACES.search(setting)
 
 
 def parse_scenario(text: str, source: str) -> Scenario:
@@ -334,6 +438,11 @@ def _merge(
             merged[key] = _merge(below if isinstance(below, dict) else {}, value, kind_below)
         else:
             merged[key] = value
+    if kind is SheetConfig and any(over.get(k, UNSET) != UNSET for k in ("material", "layers")):
+        # Another material: the numbers of the one before are none of its own.
+        whole = MATERIAL_KEYS if "layers" not in over else (*MATERIAL_KEYS, "thickness_m")
+        for key in set(whole) - over.keys():
+            merged.pop(key, None)
     for given, other in (_ALTERNATIVES, _ALTERNATIVES[::-1]):
         if given in fields and given in over and other not in over:
             merged.pop(other, None)
@@ -398,6 +507,10 @@ def refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
 def refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ...]) -> None:
     """Name an unknown key with its nearest valid ones, which msgspec's own message lacks."""
     fields = {name: field.type for name, field in _fields_of(kind).items()}
+    if fields and isinstance(data, list):
+        for i, item in enumerate(data):
+            refuse_unknown(item, kind, source, (*keys[:-1], f"{keys[-1]}[{i}]"))
+        return
     if not fields or not isinstance(data, dict):
         return
     for key, value in data.items():
@@ -422,7 +535,9 @@ def _fields_of(kind: object) -> dict[str, msgspec.structs.FieldInfo]:
 def _struct_of(kind: object) -> type[msgspec.Struct] | None:
     info = msgspec.inspect.type_info(kind)
     options = info.types if isinstance(info, msgspec.inspect.UnionType) else (info,)
-    for option in options:
+    for choice in options:
+        bare = choice.type if isinstance(choice, msgspec.inspect.Metadata) else choice
+        option = bare.item_type if isinstance(bare, msgspec.inspect.VarTupleType) else bare
         if isinstance(option, msgspec.inspect.StructType):
             return option.cls
     return None

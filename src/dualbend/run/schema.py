@@ -13,8 +13,8 @@ from typing import Any
 import msgspec
 
 import dualbend
-from dualbend.run.keys import Section, fields_of, sections, struct_of
-from dualbend.run.scenario import UNSET, Scenario
+from dualbend.run.keys import Section, fields_of, section_of, sections, struct_of
+from dualbend.run.scenario import UNSET, LayerConfig, Scenario
 
 Schema = dict[str, Any]
 
@@ -40,7 +40,7 @@ def schema_text() -> str:
 def scenario_schema() -> Schema:
     """Return the JSON schema (draft 7) of a scenario file."""
     _, components = msgspec.json.schema_components([Scenario], ref_template="#/definitions/{name}")
-    found = {section.struct.__name__: section for section in sections()}
+    found = {section.struct.__name__: section for section in (*sections(), section_of(LayerConfig))}
     definitions = {name: _definition(schema, found[name]) for name, schema in components.items()}
     top = definitions.pop("Scenario")
     return {

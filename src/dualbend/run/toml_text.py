@@ -20,6 +20,8 @@ def number(value: float) -> str:
 
 def toml(value: object) -> str:
     """Return a value as TOML has it on one line; a key that is absent is ``"none"``."""
+    if isinstance(value, msgspec.Struct):
+        value = msgspec.structs.asdict(value)
     if value is None:
         return '"none"'
     if isinstance(value, bool):

@@ -6,6 +6,9 @@ the sheet where it really ends: the error is O(h²). Every second place also has
 T of them have ``T GJ/L`` each, so that the chain twists as the sheet does. The chain hangs from a
 free joint at its middle strip: half as deep as from an end. Both choices are for speed: the degrees
 of freedom are what a step costs.
+
+A sheet that yields has springs side by side on each hinge, fixed tendons with MuJoCo's
+``springyield`` (ideal elasto-plasticity): together they are the section's moment and curvature.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.beam.plastic import HingeSprings
 from dualbend.beam.sheet import Sheet
 
 CLAMPED_FIRST_ROOT = 4.730040744862704
@@ -37,6 +41,12 @@ class StripConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     damping_ratio: Annotated[
         float, msgspec.Meta(ge=0, lt=1, description="of the first clamped bending mode")
     ] = 0.02
+    springs: Annotated[
+        int,
+        msgspec.Meta(
+            ge=4, le=16, description="that yield one after the other, of each hinge; plastic only"
+        ),
+    ] = 10
 
     def __post_init__(self) -> None:
         """Refuse an odd number of hinges: the chain hangs from its middle strip."""
@@ -73,6 +83,11 @@ def twist_joint(index: int) -> str:
     return f"sheet_twist_{index:02d}"
 
 
+def yielding_spring(hinge: int, index: int) -> str:
+    """Name of the tendon that is one of the yielding springs of a bending hinge."""
+    return f"sheet_yield_{hinge:02d}_{index:02d}"
+
+
 def strip_body(index: int) -> str:
     """Name of strip ``index`` of N + 1, counted from the left end."""
     return f"sheet_strip_{index:02d}"
@@ -91,6 +106,10 @@ def add_sheet(
     middle.add_freejoint(name="sheet")
     h = sheet.length_m / n
     _fill_strip(middle, sheet, h, 0.0)
+    if sheet.plasticity is not None:
+        springs = hinge_springs(sheet, config)
+        for hinge in range(n):
+            _add_yielding(spec, hinge, springs, h, sheet.bending_stiffness_nm2 / h)
     for direction, site, yaw in ((-1, LEFT_END, 0.0), (1, RIGHT_END, np.pi)):
         end = _add_half(middle, sheet, config, direction)
         end.add_site(
@@ -102,6 +121,39 @@ def add_sheet(
         )
 
 
+def hinge_springs(sheet: Sheet, config: StripConfig) -> HingeSprings:
+    """Return how each hinge of a sheet that yields does so, in curvatures and shares of EI."""
+    assert sheet.plasticity is not None
+    return sheet.plasticity.springs(sheet.thickness_m, config.springs)
+
+
+def hinge_stiffness(model: mujoco.MjModel, hinge: int) -> float:
+    """Return the elastic stiffness of a bending hinge with all its springs [N m/rad]."""
+    joint = model.joint(bend_joint(hinge)).id
+    on_it = [
+        i
+        for i in range(model.ntendon)
+        if model.wrap_objid[model.tendon_adr[i]] == joint
+        and model.tendon(i).name.startswith("sheet_yield_")
+    ]
+    return float(model.jnt_stiffness[joint].flat[0] + model.tendon_stiffness[on_it].sum())
+
+
+def _add_yielding(
+    spec: mujoco.MjSpec, hinge: int, springs: HingeSprings, h: float, stiffness: float
+) -> None:
+    """Put the yielding springs on a hinge; the joint's own is what never yields."""
+    for i, (share, curvature) in enumerate(
+        zip(springs.share.tolist(), springs.yield_curvature.tolist(), strict=True)
+    ):
+        tendon = spec.add_tendon(name=yielding_spring(hinge, i))
+        tendon.wrap_joint(bend_joint(hinge), 1.0)
+        tendon.stiffness = [share * stiffness, 0.0, 0.0]
+        tendon.springyield = curvature * h
+        # Without it the rest length is that of qpos_spring, which is the same.
+        tendon.springlength = [0.0, 0.0]
+
+
 def _add_half(
     middle: mujoco.MjsBody, sheet: Sheet, config: StripConfig, direction: int
 ) -> mujoco.MjsBody:
@@ -111,6 +163,7 @@ def _add_half(
     bend = sheet.bending_stiffness_nm2 / h
     twist = twist_hinges(config) * sheet.torsional_stiffness_nm2 / sheet.length_m
     beta = damping_time(sheet, config.damping_ratio)
+    elastic = 1.0 if sheet.plasticity is None else hinge_springs(sheet, config).elastic
     parent, offset = middle, direction * h / 2
     for i in range(n // 2):
         hinge = n // 2 - 1 - i if direction < 0 else n // 2 + i
@@ -120,7 +173,7 @@ def _add_half(
             name=bend_joint(hinge),
             type=mujoco.mjtJoint.mjJNT_HINGE,
             axis=[0.0, float(direction), 0.0],
-            stiffness=bend,
+            stiffness=elastic * bend,
             damping=beta * bend,
         )
         if i % _TWIST_EVERY == 0:

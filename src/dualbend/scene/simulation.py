@@ -13,7 +13,14 @@ from dualbend.control.alter import TransportDelay, steps_per_cycle
 from dualbend.scene import arm
 from dualbend.scene.arm_pair import arm_joints
 from dualbend.scene.cell import PAD_SITE, SIDES, GraspConfig
-from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, bend_joint, strip_body
+from dualbend.scene.sheet import (
+    LEFT_END,
+    RIGHT_END,
+    StripConfig,
+    bend_joint,
+    hinge_stiffness,
+    strip_body,
+)
 
 Vector = NDArray[np.float64]
 
@@ -122,7 +129,7 @@ class Simulation:
         self._drives = slice(0, len(self._q))
         bends = [model.joint(bend_joint(i)) for i in range(strips.hinges)]
         self._bend_q = np.array([joint.qposadr[0] for joint in bends])
-        self.bend_stiffness = float(model.jnt_stiffness[bends[0].id].flat[0])
+        self.bend_stiffness = hinge_stiffness(model, 0)
         self._middle = model.body(strip_body(strips.hinges // 2)).id
         self._sheet_q = model.joint("sheet").qposadr[0]
         own = [i for i in range(model.njnt) if model.joint(i).name.startswith("sheet_")]

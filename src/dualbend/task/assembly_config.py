@@ -46,6 +46,10 @@ class SearchConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     )
 
 
+DEFAULT_YIELD_PA = 193e6
+"""Of a sheet of no named material: 5052-H32, that of the shipped experiments."""
+
+
 class LimitsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What damages the sheet or a pin: beyond it the run fails."""
 
@@ -53,7 +57,13 @@ class LimitsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     edge_force_n: Annotated[
         Positive, msgspec.Meta(description="largest force of one contact at a hole's edge")
     ] = 40.0
-    yield_pa: Annotated[float, msgspec.Meta(gt=0, description="0.2 % yield strength")] = 193e6
+    yield_pa: (
+        Annotated[
+            float,
+            msgspec.Meta(gt=0, description="0.2 % yield strength; none: the sheet's, or 193 MPa"),
+        ]
+        | None
+    ) = None
 
 
 class ErrorsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

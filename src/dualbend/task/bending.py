@@ -1,4 +1,4 @@
-"""What the two arms do in the paper's experiment: hold, bend along a path, hold.
+"""What the two arms do in the paper's experiment: hold, bend along a path, hold, maybe return.
 
 The sheet's middle stays where it is; the ends come together, rise and tilt (Fig. 2).
 """
@@ -25,8 +25,8 @@ from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.errors import InputError
 
 Vector = NDArray[np.float64]
-Phase = Literal["settle", "bend", "hold"]
-PHASES: tuple[Phase, ...] = ("settle", "bend", "hold")
+Phase = Literal["settle", "bend", "hold", "return", "rest"]
+PHASES: tuple[Phase, ...] = ("settle", "bend", "hold", "return", "rest")
 
 
 class PathConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -101,6 +101,15 @@ class MotionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     hold_s: Annotated[
         float, msgspec.Meta(ge=0, le=600, description="the arms hold the end after they bent")
     ] = 1.0
+    return_rad: (
+        Annotated[
+            float,
+            msgspec.Meta(
+                ge=0, description="bending angle to which they then go back; none: they do not"
+            ),
+        ]
+        | None
+    ) = None
 
 
 def make_path(config: PathConfig, length_m: float) -> BendingPath:
@@ -129,9 +138,13 @@ def make_path(config: PathConfig, length_m: float) -> BendingPath:
     )
 
 
-def make_time_law(path: PathConfig, motion: MotionConfig) -> TimeLaw:
-    """Return the bending angle over time, from the path's start to its end."""
-    ends = (path.start_rad, path.end_rad, motion.speed_rad_per_s)
+def make_time_law(path: PathConfig, motion: MotionConfig, *, back: bool = False) -> TimeLaw:
+    """Return the bending angle over time, from the path's start to its end, or back from there."""
+    first, last = path.start_rad, path.end_rad
+    if back:
+        assert motion.return_rad is not None
+        first, last = last, motion.return_rad
+    ends = (first, last, motion.speed_rad_per_s)
     if motion.acceleration_rad_per_s2 is None:
         return ConstantSpeed(*ends)
     return TrapezoidalSpeed(*ends, motion.acceleration_rad_per_s2)
@@ -169,15 +182,22 @@ def nominal_motion(path: PathConfig, motion: MotionConfig, length_m: float) -> N
     ]
     # However short the way: the bending is a cycle at least.
     counts[1] = max(counts[1], 1)
+    back = None if motion.return_rad is None else make_time_law(path, motion, back=True)
+    if back is not None:
+        counts += [max(int(np.ceil(back.duration_s / COMMAND_PERIOD_S - 1e-9)), 1), counts[-1]]
     # The last phase owns the sample at its end, so that the run reaches the final angle.
     counts[-1] += 1
     since_bending = COMMAND_PERIOD_S * np.arange(
         -counts[0], sum(counts) - counts[0], dtype=np.float64
     )
-    alpha = law.at(since_bending)
+    alpha: Vector = law.at(since_bending)
+    if back is not None:
+        leaves = sum(counts[:3])
+        since_leaving = COMMAND_PERIOD_S * np.arange(sum(counts) - leaves, dtype=np.float64)
+        alpha[leaves:] = back.at(since_leaving)
     half_distance, rise = make_path(path, length_m).at(alpha)
     return NominalMotion(
-        phase=np.repeat(np.arange(len(PHASES)), counts),
+        phase=np.repeat(np.arange(len(counts)), counts),
         alpha_rad=alpha,
         half_distance_m=half_distance,
         rise_m=rise,

@@ -1,0 +1,34 @@
+"""What a run did to a sheet that yields: moments of its hinges, and the shape it keeps.
+
+Both follow from the recorded angles: a hinge's springs yield and slip the same whether they are
+followed at every step or every 28 ms, as long as it turns one way in between.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.run.runner import RunResult
+from dualbend.scene.sheet import hinge_springs
+
+Vector = NDArray[np.float64]
+
+
+def hinge_moments(result: RunResult) -> Vector:
+    """Return the moment of each bending hinge at every cycle (rows, hinges) [N m]."""
+    bends = result.trace.bends
+    config = result.scenario.sheet
+    sheet = config.sheet()
+    if sheet.plasticity is None:
+        return np.asarray(result.bend_stiffness * bends)
+    spacing = sheet.length_m / config.strips.hinges
+    moments = hinge_springs(sheet, config.strips).follow(bends / spacing)
+    return np.asarray(result.bend_stiffness * spacing * moments)
+
+
+def permanent_curvature(result: RunResult) -> Vector:
+    """Return the curvature that each hinge would keep if let go (rows, hinges) [1/m]."""
+    config = result.scenario.sheet
+    unloaded = result.trace.bends - hinge_moments(result) / result.bend_stiffness
+    return np.asarray(unloaded * config.strips.hinges / config.length_m)
