@@ -14,6 +14,7 @@ from dualbend.analysis import (
     validation_modes,
     validation_runs,
     validation_sheet,
+    validation_space,
 )
 from dualbend.analysis.validation_row import Row
 
@@ -21,7 +22,7 @@ __all__ = ["Row", "run_validation"]
 
 
 def run_validation(on_row: Callable[[Row], None] | None = None) -> list[Row]:
-    """Return all rows; call ``on_row`` with each as soon as it is known. Takes 70 s on one core."""
+    """Return all rows; call ``on_row`` with each as soon as it is known. Takes 80 s on one core."""
     rows = []
     for row in _rows():
         rows.append(row)
@@ -34,6 +35,7 @@ def _rows() -> Iterator[Row]:
     yield from validation_sheet.load_rows()
     yield validation_sheet.order_row()
     yield from validation_modes.frequency_rows()
+    yield from validation_space.space_rows()
     yield from validation_arm.table_rows()
     yield from validation_cell.response_rows()
     yield from validation_cell.stiffness_rows()

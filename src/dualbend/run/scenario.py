@@ -32,6 +32,7 @@ from dualbend.scene.cell import CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
 from dualbend.task.assembly import AssemblyConfig
 from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
+from dualbend.task.misalignment import SHORTEST_SETTLE_S, MisalignmentConfig
 
 _ALTERNATIVES = ("interval_rad", "pieces")
 """Keys of a path that say the same thing: giving one takes the other back."""
@@ -155,6 +156,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     filter: LowPassConfig = LowPassConfig()
     compliance: AdmittanceConfig = AdmittanceConfig()
     assembly: AssemblyConfig | None = None
+    misalignment: MisalignmentConfig | None = None
     guard: GuardConfig = GuardConfig()
     physics: PhysicsConfig = PhysicsConfig()
     expect: ExpectConfig = ExpectConfig()
@@ -168,6 +170,21 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 f"motion.speed_rad_per_s = {self.motion.speed_rad_per_s} with "
                 f"motion.acceleration_rad_per_s2 = {self.motion.acceleration_rad_per_s2} makes a "
                 f"run of {total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
+            )
+        self._refuse_misplaced_misalignment()
+
+    def _refuse_misplaced_misalignment(self) -> None:
+        if self.misalignment is None:
+            return
+        if self.assembly is not None:
+            raise ValueError(
+                "misalignment is for a sheet that is bent between two grips; "
+                "an assembly has assembly.errors"
+            )
+        if self.motion.settle_s < SHORTEST_SETTLE_S:
+            raise ValueError(
+                f"motion.settle_s = {self.motion.settle_s}: misalignment comes in while the arms "
+                f"settle and needs at least {SHORTEST_SETTLE_S} s"
             )
 
     def to_toml(self) -> str:

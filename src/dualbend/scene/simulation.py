@@ -99,6 +99,7 @@ class Simulation:
     def _hold_ids(self, grasp: GraspConfig, strips: StripConfig) -> None:
         model = self.model
         self._grips = [model.site(f"{side}_{arm.GRIP_SITE}").id for side in SIDES]
+        self._pads = [model.site(f"{side}_{PAD_SITE}").id for side in SIDES]
         edges = [model.site(name).id for name in (LEFT_END, RIGHT_END)]
         self._ends = np.array([self._grips, edges])
         self._ft_sites = [model.site(f"{side}_{arm.FT_SITE}").id for side in SIDES]
@@ -210,6 +211,34 @@ class Simulation:
         axes = self.data.site_xmat[self._ends]
         pose[..., 3] = np.arctan2(-axes[..., 6], axes[..., 0] * BENDING_TO_WORLD[:, 0])
         return pose
+
+    def roll_and_yaw(self) -> Vector:
+        """Return (2, 2, 2): gripper and edge, left and right, roll and yaw [rad].
+
+        With a pitch they make the axes in the arm's bending frame, R_z(yaw) R_y(pitch) R_x(roll);
+        the observed end slope α has tan α cos(yaw) = tan(pitch).
+        """
+        axes = self.data.site_xmat[self._ends]
+        turns = np.empty((2, 2, 2))
+        turns[..., 0] = np.arctan2(axes[..., 7], axes[..., 8])
+        turns[..., 1] = np.arctan2(
+            axes[..., 3] * BENDING_TO_WORLD[:, 1], axes[..., 0] * BENDING_TO_WORLD[:, 0]
+        )
+        return turns
+
+    def displace_grasps(self, errors: Vector) -> None:
+        """Let each sheet edge lie off its gripper's frame G by y [m], roll and yaw [rad], (2, 3).
+
+        ``R_GE = R_z(yaw) R_x(roll)``; the sheet follows within a step, so change it little by
+        little.
+        """
+        # A site that was compiled onto its body's frame would stay there whatever its place says.
+        self.model.site_sameframe[self._pads] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        for pad, (lateral, roll, yaw) in zip(self._pads, errors.tolist(), strict=True):
+            cr, sr = np.cos(roll / 2), np.sin(roll / 2)
+            cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
+            self.model.site_pos[pad] = 0.0, lateral, 0.0
+            self.model.site_quat[pad] = cy * cr, cy * sr, sy * sr, sy * cr
 
     def advance(self, setpoints: Vector) -> SensorSample:
         """Run one command cycle on ``setpoints`` (steps, 12) [rad], one row a physics step.
