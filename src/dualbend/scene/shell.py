@@ -1,0 +1,260 @@
+"""The flexible sheet as a plate: a grid of vertices with membrane and bending elasticity.
+
+Columns of vertices stand at arc lengths ``(i − 1/2) h``, ``h = L/N``, i from 0 to N + 1; the first
+two and the last two are the grips'. So curvature lives at ``(i + 1/2) h`` as in the strips, each
+clamp holds the sheet where it ends, and the error is O(h²). Two of MuJoCo's flexes share the
+vertices: one, of triangles, only stretches (plane stress); the other only bends.
+
+MuJoCo's own bending of triangles is no plate: on a grid its energy is
+D/2 ∫ κ_x² + κ_y² + 6 κ_xy² (with a bias along the diagonals), without the coupling by Poisson's
+ratio and 4.5 times too stiff in twist (ν = 0.33). What it sums is a quadratic form of four vertices
+a hinge though, ``(Σ w_k x_k)²``, and hinges may be any four vertices. So this second flex is a list
+of hinges whose forms are set in the compiled model to Kirchhoff's plate by finite differences:
+
+    D/2 ∫ κ_x² + κ_y² + 2ν κ_x κ_y + 2 (1 − ν) κ_xy²,   D = E t³ / 12 (1 − ν²)
+
+with ``κ_x κ_y`` from (κ_x − κ_y)². The form is exact for large deflections as far as the sheet does
+not stretch, since second derivatives of the place are then curvatures times the normal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import msgspec
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.beam.sheet import Sheet
+from dualbend.scene.sheet import LEFT_END, RIGHT_END, damping_time
+
+Vector = NDArray[np.float64]
+Kind = Literal["along", "across", "coupling", "twist"]
+
+MEMBRANE, BENDING = "sheet_membrane", "sheet_bending"
+"""Names of the two flexes."""
+
+_STRETCH, _BEND = 2, 1
+_BLOCK = 17
+"""Numbers of a hinge in MuJoCo: its 4 x 4 form and one for a curved rest shape."""
+
+_SECOND = {0: (-2.0, 0.0, 1.0, 1.0), 1: (1.0, 1.0, -1.0, -1.0)}
+"""Weights of a hinge's vertices: second difference about its first; saddle of its two pairs."""
+
+
+class ShellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How finely the plate is divided and how it is damped."""
+
+    cells_along: Annotated[
+        int, msgspec.Meta(ge=8, le=100, description="between the grips, even")
+    ] = 20
+    cells_across: Annotated[int, msgspec.Meta(ge=2, le=60, description="over the width")] = 6
+    damping_ratio: Annotated[
+        float, msgspec.Meta(ge=0, lt=1, description="of the first clamped bending mode")
+    ] = 0.02
+
+    def __post_init__(self) -> None:
+        """Refuse an odd number of cells along: the middle of the sheet is that of a cell."""
+        if self.cells_along % 2:
+            raise ValueError(f"cells_along must be even, got {self.cells_along}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hinge:
+    """Four vertices (column, row), what they measure and the stiffness of ``(Σ w_k x_k)²/2``."""
+
+    vertices: tuple[tuple[int, int], ...]
+    weights: tuple[float, float, float, float]
+    stiffness: float
+
+
+def end_body(end: str) -> str:
+    """Name of the body that holds an edge's vertices: a grip carries it."""
+    return f"{end}_edge"
+
+
+def vertex_body(column: int, row: int) -> str:
+    """Name of a free vertex's body; columns 2 to N - 1."""
+    return f"sheet_vertex_{column:03d}_{row:02d}"
+
+
+def column_arcs(sheet: Sheet, config: ShellConfig) -> Vector:
+    """Return the arc length of each column of vertices (N + 2,) [m]."""
+    h = sheet.length_m / config.cells_along
+    return h * (np.arange(config.cells_along + 2) - 0.5)
+
+
+def row_places(sheet: Sheet, config: ShellConfig) -> Vector:
+    """Return each row's place across the sheet, along the world's y (M + 1,) [m]."""
+    return np.linspace(-sheet.width_m / 2, sheet.width_m / 2, config.cells_across + 1)
+
+
+def hinges(sheet: Sheet, config: ShellConfig) -> list[Hinge]:
+    """Return the bending energy as hinges.
+
+    At a free edge nothing measures κ_y: there the plate takes κ_y = −ν κ_x, which leaves
+    D (1 − ν²) κ_x². The clamps' twist cells stand for one and a half cell each.
+    """
+    n, m = config.cells_along, config.cells_across
+    hx, hy = sheet.length_m / n, sheet.width_m / m
+    nu = sheet.poisson_ratio
+    D = sheet.young_pa * sheet.thickness_m**3 / (12.0 * (1.0 - nu**2))
+    area = hx * hy
+    coupling = nu * D * area / (hx * hy) ** 2
+    found = []
+    for i in range(1, n + 1):
+        for j in range(m + 1):
+            inside = 0 < j < m
+            along = (D if inside else 0.5 * D * (1.0 - nu**2)) * area / hx**4
+            beside = j + 1 if j < m else j - 1
+            triple = ((i, j), (i, beside), (i - 1, j), (i + 1, j))
+            found.append(
+                Hinge(
+                    vertices=triple,
+                    weights=(-2.0, 0.0, 1.0, 1.0),
+                    stiffness=along + (coupling if inside else 0.0),
+                )
+            )
+            if not inside:
+                continue
+            triple = ((i, j), (i + 1, j), (i, j - 1), (i, j + 1))
+            found.append(
+                Hinge(
+                    vertices=triple,
+                    weights=(-2.0, 0.0, 1.0, 1.0),
+                    stiffness=D * area / hy**4 + coupling,
+                )
+            )
+            pairs = ((i, j - 1), (i, j + 1), (i - 1, j), (i + 1, j))
+            found.append(
+                Hinge(vertices=pairs, weights=(1.0, 1.0, -1.0, -1.0), stiffness=-coupling)
+            )
+    for i in range(1, n):
+        longer = 1.5 if i in (1, n - 1) else 1.0
+        for j in range(m):
+            pairs = ((i, j), (i + 1, j + 1), (i + 1, j), (i, j + 1))
+            twist = 2.0 * D * (1.0 - nu) / (area * longer)
+            found.append(Hinge(vertices=pairs, weights=(1.0, 1.0, -1.0, -1.0), stiffness=twist))
+    return found
+
+
+def add_shell(
+    spec: mujoco.MjSpec,
+    sheet: Sheet,
+    config: ShellConfig,
+    middle_position_m: Vector,
+    holders: Sequence[mujoco.MjsBody],
+) -> None:
+    """Add the flat sheet to ``spec``, held at both ends, its middle at (3,) in the world.
+
+    ``holders`` are the left and right bodies that hold it, each with its frame G at the clamped
+    edge. :func:`set_bending` must be called on the compiled model.
+    """
+    n, m = config.cells_along, config.cells_across
+    arcs, rows = column_arcs(sheet, config), row_places(sheet, config)
+    h, mass = sheet.length_m / n, sheet.mass_kg / (n * m)
+    for holder, end in zip(holders, (LEFT_END, RIGHT_END), strict=True):
+        _add_edge(holder, end, sheet, h)
+    for i in range(2, n):
+        for j in range(m + 1):
+            place = [arcs[i] - sheet.length_m / 2, rows[j], 0.0]
+            body = spec.worldbody.add_body(
+                name=vertex_body(i, j), pos=np.asarray(middle_position_m) + place
+            )
+            body.explicitinertial = True
+            body.mass = mass if 0 < j < m else mass / 2
+            body.inertia = [1e-9, 1e-9, 1e-9]
+            for axis, letter in zip(np.eye(3), "xyz", strict=True):
+                body.add_joint(
+                    name=f"{body.name}_{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis
+                )
+    grid = [(i, j) for i in range(n + 2) for j in range(m + 1)]
+    number = {vertex: k for k, vertex in enumerate(grid)}
+    triangles = [
+        number[corner]
+        for i in range(n + 1)
+        for j in range(m)
+        for triangle in _halves(i, j)
+        for corner in triangle
+    ]
+    _add_flex(spec, sheet, config, MEMBRANE, grid, triangles, _STRETCH)
+    # Each hinge has its four vertices for itself: only its own two triangles share an edge.
+    corners = [vertex for hinge in hinges(sheet, config) for vertex in hinge.vertices]
+    pairs = [k + offset for k in range(0, len(corners), 4) for offset in (0, 1, 2, 0, 3, 1)]
+    _add_flex(spec, sheet, config, BENDING, corners, pairs, _BEND)
+
+
+def _halves(i: int, j: int) -> tuple[tuple[tuple[int, int], ...], ...]:
+    """Cut a cell in two, neighbours along the other diagonal."""
+    a, b, c, d = (i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)
+    return ((a, b, c), (a, c, d)) if (i + j) % 2 == 0 else ((a, b, d), (b, c, d))
+
+
+def _add_edge(holder: mujoco.MjsBody, end: str, sheet: Sheet, h: float) -> None:
+    """Add the body of an edge: the first cell's weight, which the grip carries, and the site."""
+    edge = holder.add_body(name=end_body(end))
+    edge.explicitinertial = True
+    mass = edge.mass = sheet.mass_kg * h / sheet.length_m
+    edge.ipos = [h / 2, 0.0, 0.0]
+    edge.inertia = [
+        mass * sheet.width_m**2 / 12,
+        mass * h**2 / 12,
+        mass * (sheet.width_m**2 + h**2) / 12,
+    ]
+    edge.add_site(name=end, group=4, size=[0.003, 0.003, 0.003])
+
+
+def _add_flex(
+    spec: mujoco.MjSpec,
+    sheet: Sheet,
+    config: ShellConfig,
+    name: str,
+    vertices: Sequence[tuple[int, int]],
+    triangles: Sequence[int],
+    elasticity: int,
+) -> None:
+    flex = spec.add_flex()
+    flex.name, flex.dim = name, 2
+    flex.radius, flex.thickness = sheet.thickness_m / 2, sheet.thickness_m
+    flex.young, flex.poisson = sheet.young_pa, sheet.poisson_ratio
+    flex.elastic2d = elasticity
+    flex.damping = damping_time(sheet, config.damping_ratio)
+    flex.contype = flex.conaffinity = 0
+    flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
+    flex.rgba = [0.30, 0.52, 0.80, 1.0]
+    flex.group = 2 if elasticity == _STRETCH else 5
+    places = [_place(sheet, config, *vertex) for vertex in vertices]
+    flex.vertbody = [body for body, _ in places]
+    flex.vert = np.concatenate([place for _, place in places])
+    flex.elem = list(triangles)
+
+
+def _place(sheet: Sheet, config: ShellConfig, i: int, j: int) -> tuple[str, Vector]:
+    """Return a vertex's body and its place there (3,); G's y of the right end is minus the row's.
+    """
+    arc, y = column_arcs(sheet, config)[i], row_places(sheet, config)[j]
+    if i < 2:
+        return end_body(LEFT_END), np.array([arc, y, 0.0])
+    if i >= config.cells_along:
+        return end_body(RIGHT_END), np.array([sheet.length_m - arc, -y, 0.0])
+    return vertex_body(i, j), np.zeros(3)
+
+
+def set_bending(model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
+    """Give the hinges of a compiled model their forms; MuJoCo's compiler has made its own."""
+    flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, BENDING)
+    first, count = model.flex_edgeadr[flex], model.flex_edgenum[flex]
+    flaps = model.flex_edgeflap[first : first + count]
+    edges = model.flex_edge[first : first + count]
+    start = model.flex_bendingadr[flex]
+    forms = model.flex_bending[start : start + _BLOCK * count].reshape(count, _BLOCK)
+    listed = hinges(sheet, config)
+    forms[:] = 0.0
+    for edge in np.flatnonzero((flaps >= 0).all(axis=1)):
+        vertices = (*edges[edge].tolist(), *flaps[edge].tolist())
+        hinge = listed[vertices[0] // 4]
+        weights = np.array([hinge.weights[vertex % 4] for vertex in vertices])
+        forms[edge, :16] = hinge.stiffness * np.outer(weights, weights).ravel()
