@@ -71,6 +71,12 @@ def ideal_grips(
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     spec.option.gravity = [0.0, 0.0, -GRAVITY_M_PER_S2 if weight else 0.0]
     add_sheet(spec, sheet, strips, np.zeros(3))
+    add_ideal_grips(spec, weld_time_s, weld_arm_m)
+    return spec.compile()
+
+
+def add_ideal_grips(spec: mujoco.MjSpec, weld_time_s: float, weld_arm_m: float) -> None:
+    """Weld both edges to bodies that are moved at will."""
     for name, end in (("left", LEFT_END), ("right", RIGHT_END)):
         grip = spec.worldbody.add_body(name=name, mocap=True)
         grip.add_site(name=f"{name}_grip")
@@ -83,7 +89,6 @@ def ideal_grips(
             solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
         )
         hold.data[10] = weld_arm_m
-    return spec.compile()
 
 
 def place_grips(data: mujoco.MjData, alpha: float, half_distance: float) -> None:

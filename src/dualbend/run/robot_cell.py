@@ -15,6 +15,7 @@ from dualbend.control.servo import JointServo
 from dualbend.run.scenario import Scenario
 from dualbend.scene.cell import SIDES, compose_cell, robots_only, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
+from dualbend.scene.sheet_model import ShellModel
 from dualbend.scene.simulation import SensorSample, Simulation
 
 Vector = NDArray[np.float64]
@@ -50,6 +51,7 @@ class RobotCell:
         self.servo = make_servo(scenario, robots, self.home)
         step_s = scenario.physics.step_s
         strips, task = scenario.sheet.strips, scenario.assembly
+        self._shell = scenario.sheet.shell if scenario.sheet.model == "shell" else None
         sheet = scenario.sheet.sheet()
         self.sheet = sheet if task is None else task.errors.true_sheet(sheet)
         self.spec = compose_cell(
@@ -61,11 +63,13 @@ class RobotCell:
             step_s,
             None if task is None else task.true_layout(),
             0 if task is None else task.sheets - 1,
+            self._shell,
         )
+        model = without_looks(self.spec).compile()
         self.simulation = Simulation(
-            without_looks(self.spec).compile(),
+            model,
             scenario.grasp,
-            strips,
+            strips if self._shell is None else ShellModel(model, self.sheet, self._shell),
             latency_steps=scenario.sensor.latency_steps(step_s),
         )
         self.response = CommandResponse(scenario.response, len(self.home), steps_per_cycle(step_s))
@@ -84,7 +88,7 @@ class RobotCell:
     def reset(self) -> SensorSample:
         """Put the cell at rest in its start, the sheet in its zero-moment shape."""
         sheet = self.scenario.sheet
-        arcs = np.linspace(0.0, sheet.length_m, sheet.strips.hinges + 1)
+        arcs = np.linspace(0.0, sheet.length_m, sheet.sections + 1)
         _, _, slopes = elastica.shape(float(self.start[2]), sheet.length_m, arcs)
         self.response.reset(self.home)
         middle = np.array([0.0, 0.0, self.scenario.cell.sheet_height_m])

@@ -115,7 +115,7 @@ class Run:
             self.cycles,
             list(controller.chains),
             simulation.model.nq,
-            self.scenario.sheet.strips.hinges,
+            self.scenario.sheet.sections,
             self.task_columns,
         )
         self.trace = trace

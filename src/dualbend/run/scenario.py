@@ -30,6 +30,7 @@ from dualbend.resources import scenarios_dir
 from dualbend.run.guard import GuardConfig
 from dualbend.scene.cell import CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
+from dualbend.scene.shell import ShellConfig
 from dualbend.task.assembly import AssemblyConfig
 from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
 from dualbend.task.misalignment import SHORTEST_SETTLE_S, MisalignmentConfig
@@ -61,7 +62,14 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     young_pa: Annotated[float, msgspec.Meta(ge=1e8, le=1e12, description="Young's modulus")]
     poisson_ratio: Annotated[float, msgspec.Meta(ge=0, lt=0.5, description="enters the twist")]
     density_kg_per_m3: Annotated[float, msgspec.Meta(ge=100, le=25000, description="mass density")]
+    model: Annotated[
+        Literal["strips", "shell"],
+        msgspec.Meta(
+            description="strips: a beam in a chain; shell: a plate, at many times the cost"
+        ),
+    ] = "strips"
     strips: StripConfig = StripConfig()
+    shell: ShellConfig = ShellConfig()
 
     def __post_init__(self) -> None:
         """Refuse what is no thin sheet."""
@@ -70,6 +78,11 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
                 f"thickness_m = {self.thickness_m} is no thin sheet: at most a twentieth "
                 f"of length_m = {self.length_m} and width_m = {self.width_m}; all are in metres"
             )
+
+    @property
+    def sections(self) -> int:
+        """Number of places along the sheet at which it bends."""
+        return self.strips.hinges if self.model == "strips" else self.shell.cells_along
 
     def sheet(self) -> Sheet:
         """Return the sheet that the beam mathematics speaks of."""
@@ -170,6 +183,10 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 f"motion.speed_rad_per_s = {self.motion.speed_rad_per_s} with "
                 f"motion.acceleration_rad_per_s2 = {self.motion.acceleration_rad_per_s2} makes a "
                 f"run of {total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
+            )
+        if self.sheet.model == "shell" and self.assembly is not None:
+            raise ValueError(
+                'sheet.model = "shell" has no holes and no contact: an assembly needs "strips"'
             )
         self._refuse_misplaced_misalignment()
 

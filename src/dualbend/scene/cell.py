@@ -14,6 +14,7 @@ from dualbend.control.servo import JointServo
 from dualbend.scene import arm
 from dualbend.scene.bed import GRIPPING, LayoutConfig, add_holes, add_workplace
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, add_sheet
+from dualbend.scene.shell import ShellConfig, add_shell, prepare_for_shell
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
@@ -94,11 +95,13 @@ def compose_cell(
     step_s: float,
     layout: LayoutConfig | None = None,
     laid_sheets: int = 0,
+    shell: ShellConfig | None = None,
 ) -> mujoco.MjSpec:
     """Return the whole scene: floor, two arms with servos and tools, the sheet held by both.
 
     With a layout, the grippers' jaws are driven, the sheet has holes and is held by nobody yet, and
-    bed, pins and stand are there, with room for sheets that were laid before.
+    bed, pins and stand are there, with room for sheets that were laid before. With a shell the
+    sheet is a plate instead of strips.
     """
     spec = mujoco.MjSpec()
     spec.modelname = "dualbend"
@@ -119,7 +122,12 @@ def compose_cell(
         _add_pad(spec, grasp, side)
         for j, joint in enumerate(arm.JOINTS):
             _add_servo(spec, f"{side}_{joint}", servo, 6 * i + j)
-    add_sheet(spec, sheet, strips, np.array([0.0, 0.0, cell.sheet_height_m]))
+    middle = np.array([0.0, 0.0, cell.sheet_height_m])
+    if shell is not None:
+        prepare_for_shell(spec)
+        add_shell(spec, sheet, shell, middle)
+    else:
+        add_sheet(spec, sheet, strips, middle)
     for side, end in zip(SIDES, (LEFT_END, RIGHT_END), strict=True):
         hold = spec.add_equality(
             name=f"{side}_hold",

@@ -1,8 +1,9 @@
 """The flexible sheet as a plate: a grid of vertices with membrane and bending elasticity.
 
 Columns of vertices stand at arc lengths ``(i − 1/2) h``, ``h = L/N``, i from 0 to N + 1; the first
-two and the last two are the grips'. So curvature lives at ``(i + 1/2) h`` as in the strips, each
-clamp holds the sheet where it ends, and the error is O(h²). Two of MuJoCo's flexes share the
+two and the last two are the grips'. So it bends at ``(i + 1/2) h`` as the strips do, each clamp
+holds the sheet where it ends, and the error is O(h²). Rows stand at both edges and in the middles
+of M cells between, so that it bends across in each cell's middle, for the same reason. Two of MuJoCo's flexes share the
 vertices: one, of triangles, only stretches (plane stress); the other only bends.
 
 MuJoCo's own bending of triangles is no plate: on a grid its energy is
@@ -20,8 +21,8 @@ not stretch, since second derivatives of the place are then curvatures times the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import msgspec
 import mujoco
@@ -32,7 +33,6 @@ from dualbend.beam.sheet import Sheet
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, damping_time
 
 Vector = NDArray[np.float64]
-Kind = Literal["along", "across", "coupling", "twist"]
 
 MEMBRANE, BENDING = "sheet_membrane", "sheet_bending"
 """Names of the two flexes."""
@@ -41,8 +41,7 @@ _STRETCH, _BEND = 2, 1
 _BLOCK = 17
 """Numbers of a hinge in MuJoCo: its 4 x 4 form and one for a curved rest shape."""
 
-_SECOND = {0: (-2.0, 0.0, 1.0, 1.0), 1: (1.0, 1.0, -1.0, -1.0)}
-"""Weights of a hinge's vertices: second difference about its first; saddle of its two pairs."""
+_ITERATIONS = 3000
 
 
 class ShellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -50,8 +49,8 @@ class ShellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     cells_along: Annotated[
         int, msgspec.Meta(ge=8, le=100, description="between the grips, even")
-    ] = 20
-    cells_across: Annotated[int, msgspec.Meta(ge=2, le=60, description="over the width")] = 6
+    ] = 24
+    cells_across: Annotated[int, msgspec.Meta(ge=2, le=60, description="over the width")] = 4
     damping_ratio: Annotated[
         float, msgspec.Meta(ge=0, lt=1, description="of the first clamped bending mode")
     ] = 0.02
@@ -62,17 +61,41 @@ class ShellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             raise ValueError(f"cells_along must be even, got {self.cells_along}")
 
 
+Vertex = tuple[int, int]
+"""Column and row."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Hinge:
-    """Four vertices (column, row), what they measure and the stiffness of ``(Σ w_k x_k)²/2``."""
+    """Four vertices whose weighted sum is a curvature [1/m], and their bending stiffness.
 
-    vertices: tuple[tuple[int, int], ...]
+    The energy is ``stiffness |Σ weights_k x_k|² / 2`` with the stiffness D times an area [N m³].
+    """
+
+    vertices: tuple[Vertex, Vertex, Vertex, Vertex]
     weights: tuple[float, float, float, float]
-    stiffness: float
+    stiffness: float = 0.0
+
+    @classmethod
+    def second(
+        cls, at: Vertex, before: Vertex, after: Vertex, gap: float, next_gap: float, share: float
+    ) -> Hinge:
+        """Return what measures the fold at a vertex, over the length that it stands for."""
+        # Any fourth vertex that is not on the line of the three.
+        beside = (
+            (at[0], at[1] + (1 if at[1] == 0 else -1))
+            if before[0] != at[0]
+            else (
+                at[0] + 1,
+                at[1],
+            )
+        )
+        a, b = 1.0 / (gap * share), 1.0 / (next_gap * share)
+        return cls(vertices=(at, beside, before, after), weights=(-a - b, 0.0, a, b))
 
 
 def end_body(end: str) -> str:
-    """Name of the body that holds an edge's vertices: a grip carries it."""
+    """Name of the body that holds an edge's vertices, and of its free joint."""
     return f"{end}_edge"
 
 
@@ -88,56 +111,62 @@ def column_arcs(sheet: Sheet, config: ShellConfig) -> Vector:
 
 
 def row_places(sheet: Sheet, config: ShellConfig) -> Vector:
-    """Return each row's place across the sheet, along the world's y (M + 1,) [m]."""
-    return np.linspace(-sheet.width_m / 2, sheet.width_m / 2, config.cells_across + 1)
+    """Return each row's place across the sheet, along the world's y (M + 2,) [m].
+
+    Both edges, and the middles of the M cells: the outer two gaps are half as wide.
+    """
+    half, m = 0.5 * sheet.width_m, config.cells_across
+    middles = sheet.width_m * ((np.arange(m) + 0.5) / m - 0.5)
+    return np.concatenate(([-half], middles, [half]))
+
+
+def row_shares(sheet: Sheet, config: ShellConfig) -> Vector:
+    """Return the width that each row stands for (M + 2,) [m]."""
+    gaps = np.concatenate(([0.0], np.diff(row_places(sheet, config)), [0.0]))
+    return 0.5 * (gaps[:-1] + gaps[1:])
 
 
 def hinges(sheet: Sheet, config: ShellConfig) -> list[Hinge]:
-    """Return the bending energy as hinges.
+    """Return the bending energy as hinges; each inner row bends across for a whole cell.
 
-    At a free edge nothing measures κ_y: there the plate takes κ_y = −ν κ_x, which leaves
-    D (1 − ν²) κ_x². The clamps' twist cells stand for one and a half cell each.
+    ``2 κ_x κ_y = (κ_x² + c² κ_y² − (κ_x − c κ_y)²) / c``, with the c that takes the vertex at the
+    crossing out of the last. The twist cells beside a clamp stand for one and a half cell each.
     """
     n, m = config.cells_along, config.cells_across
-    hx, hy = sheet.length_m / n, sheet.width_m / m
+    hx, hy, gaps = sheet.length_m / n, sheet.width_m / m, np.diff(row_places(sheet, config))
     nu = sheet.poisson_ratio
     D = sheet.young_pa * sheet.thickness_m**3 / (12.0 * (1.0 - nu**2))
-    area = hx * hy
-    coupling = nu * D * area / (hx * hy) ** 2
+    shares = row_shares(sheet, config)
     found = []
     for i in range(1, n + 1):
-        for j in range(m + 1):
-            inside = 0 < j < m
-            along = (D if inside else 0.5 * D * (1.0 - nu**2)) * area / hx**4
-            beside = j + 1 if j < m else j - 1
-            triple = ((i, j), (i, beside), (i - 1, j), (i + 1, j))
-            found.append(
-                Hinge(
-                    vertices=triple,
-                    weights=(-2.0, 0.0, 1.0, 1.0),
-                    stiffness=along + (coupling if inside else 0.0),
-                )
-            )
-            if not inside:
+        for j in range(m + 2):
+            along = Hinge.second((i, j), (i - 1, j), (i + 1, j), hx, hx, hx)
+            if not 0 < j <= m:
+                found.append(replace(along, stiffness=D * hx * shares[j]))
                 continue
-            triple = ((i, j), (i + 1, j), (i, j - 1), (i, j + 1))
+            across = Hinge.second((i, j), (i, j - 1), (i, j + 1), gaps[j - 1], gaps[j], hy)
+            c = along.weights[0] / across.weights[0]
+            coupling = nu * D * hx * hy / c
+            found += [
+                replace(along, stiffness=D * hx * shares[j] + coupling),
+                replace(across, stiffness=D * hx * hy + c**2 * coupling),
+                Hinge(
+                    vertices=(*across.vertices[2:], *along.vertices[2:]),
+                    weights=(-c * across.weights[2], -c * across.weights[3], *along.weights[2:]),
+                    stiffness=-coupling,
+                ),
+            ]
+    for i in range(1, n):
+        length = hx * (1.5 if i in (1, n - 1) else 1.0)
+        for j, gap in enumerate(gaps.tolist()):
+            area = length * gap
             found.append(
                 Hinge(
-                    vertices=triple,
-                    weights=(-2.0, 0.0, 1.0, 1.0),
-                    stiffness=D * area / hy**4 + coupling,
+                    vertices=((i, j), (i + 1, j + 1), (i + 1, j), (i, j + 1)),
+                    weights=(1 / area, 1 / area, -1 / area, -1 / area),
+                    stiffness=2.0 * D * (1.0 - nu) * area,
                 )
             )
-            pairs = ((i, j - 1), (i, j + 1), (i - 1, j), (i + 1, j))
-            found.append(
-                Hinge(vertices=pairs, weights=(1.0, 1.0, -1.0, -1.0), stiffness=-coupling)
-            )
-    for i in range(1, n):
-        longer = 1.5 if i in (1, n - 1) else 1.0
-        for j in range(m):
-            pairs = ((i, j), (i + 1, j + 1), (i + 1, j), (i, j + 1))
-            twist = 2.0 * D * (1.0 - nu) / (area * longer)
-            found.append(Hinge(vertices=pairs, weights=(1.0, 1.0, -1.0, -1.0), stiffness=twist))
     return found
 
 
@@ -146,37 +175,35 @@ def add_shell(
     sheet: Sheet,
     config: ShellConfig,
     middle_position_m: Vector,
-    holders: Sequence[mujoco.MjsBody],
 ) -> None:
-    """Add the flat sheet to ``spec``, held at both ends, its middle at (3,) in the world.
+    """Add the flat sheet to ``spec``, its middle at ``middle_position_m`` (3,) in the world.
 
-    ``holders`` are the left and right bodies that hold it, each with its frame G at the clamped
-    edge. :func:`set_bending` must be called on the compiled model.
+    Its ends have the sites that the strips' have. :func:`set_bending` must be called on the
+    compiled model.
     """
     n, m = config.cells_along, config.cells_across
     arcs, rows = column_arcs(sheet, config), row_places(sheet, config)
-    h, mass = sheet.length_m / n, sheet.mass_kg / (n * m)
-    for holder, end in zip(holders, (LEFT_END, RIGHT_END), strict=True):
-        _add_edge(holder, end, sheet, h)
+    h, masses = sheet.length_m / n, sheet.mass_kg * row_shares(sheet, config) / sheet.width_m / n
+    middle = np.asarray(middle_position_m)
+    _add_edge(spec, LEFT_END, sheet, h, middle - [sheet.length_m / 2, 0.0, 0.0], 0.0)
+    _add_edge(spec, RIGHT_END, sheet, h, middle + [sheet.length_m / 2, 0.0, 0.0], np.pi)
     for i in range(2, n):
-        for j in range(m + 1):
+        for j in range(m + 2):
             place = [arcs[i] - sheet.length_m / 2, rows[j], 0.0]
-            body = spec.worldbody.add_body(
-                name=vertex_body(i, j), pos=np.asarray(middle_position_m) + place
-            )
+            body = spec.worldbody.add_body(name=vertex_body(i, j), pos=middle + place)
             body.explicitinertial = True
-            body.mass = mass if 0 < j < m else mass / 2
+            body.mass = masses[j]
             body.inertia = [1e-9, 1e-9, 1e-9]
             for axis, letter in zip(np.eye(3), "xyz", strict=True):
                 body.add_joint(
                     name=f"{body.name}_{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis
                 )
-    grid = [(i, j) for i in range(n + 2) for j in range(m + 1)]
+    grid = [(i, j) for i in range(n + 2) for j in range(m + 2)]
     number = {vertex: k for k, vertex in enumerate(grid)}
     triangles = [
         number[corner]
         for i in range(n + 1)
-        for j in range(m)
+        for j in range(m + 1)
         for triangle in _halves(i, j)
         for corner in triangle
     ]
@@ -187,22 +214,39 @@ def add_shell(
     _add_flex(spec, sheet, config, BENDING, corners, pairs, _BEND)
 
 
+def prepare_for_shell(spec: mujoco.MjSpec) -> None:
+    """Set the solver up for a flex: its rows are sparse, and its membrane is a million times
+    stiffer than its bending, which the 100 iterations of the default do not always resolve.
+    """
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+    spec.option.iterations = _ITERATIONS
+
+
 def _halves(i: int, j: int) -> tuple[tuple[tuple[int, int], ...], ...]:
     """Cut a cell in two, neighbours along the other diagonal."""
     a, b, c, d = (i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)
     return ((a, b, c), (a, c, d)) if (i + j) % 2 == 0 else ((a, b, d), (b, c, d))
 
 
-def _add_edge(holder: mujoco.MjsBody, end: str, sheet: Sheet, h: float) -> None:
-    """Add the body of an edge: the first cell's weight, which the grip carries, and the site."""
-    edge = holder.add_body(name=end_body(end))
+def _add_edge(
+    spec: mujoco.MjSpec, end: str, sheet: Sheet, h: float, place_m: Vector, yaw_rad: float
+) -> None:
+    """Add the body that a grip holds: two columns of vertices, the first cell's mass, the site.
+
+    It moves freely, so that the flat sheet is the one at rest wherever the arms are.
+    """
+    edge = spec.worldbody.add_body(
+        name=end_body(end), pos=place_m, quat=[np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)]
+    )
+    edge.add_freejoint(name=end_body(end))
     edge.explicitinertial = True
     mass = edge.mass = sheet.mass_kg * h / sheet.length_m
     edge.ipos = [h / 2, 0.0, 0.0]
+    w, t = sheet.width_m, sheet.thickness_m
     edge.inertia = [
-        mass * sheet.width_m**2 / 12,
-        mass * h**2 / 12,
-        mass * (sheet.width_m**2 + h**2) / 12,
+        mass * (w**2 + t**2) / 12,
+        mass * (h**2 + t**2) / 12,
+        mass * (w**2 + h**2) / 12,
     ]
     edge.add_site(name=end, group=4, size=[0.003, 0.003, 0.003])
 
@@ -233,8 +277,7 @@ def _add_flex(
 
 
 def _place(sheet: Sheet, config: ShellConfig, i: int, j: int) -> tuple[str, Vector]:
-    """Return a vertex's body and its place there (3,); G's y of the right end is minus the row's.
-    """
+    """Return a vertex's body and its place there (3,); G's y of the right end is minus the row's."""
     arc, y = column_arcs(sheet, config)[i], row_places(sheet, config)[j]
     if i < 2:
         return end_body(LEFT_END), np.array([arc, y, 0.0])

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from dualbend.control.alter import TransportDelay, steps_per_cycle
 from dualbend.scene import arm
 from dualbend.scene.cell import PAD_SITE, SIDES, GraspConfig
-from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, bend_joint, strip_body
+from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig
+from dualbend.scene.sheet_model import SheetModel, StripModel
 
 Vector = NDArray[np.float64]
 
@@ -68,8 +69,8 @@ class Simulation:
     ----------
     model
         From :func:`dualbend.scene.cell.compose_cell`.
-    grasp, strips
-        What the model was composed with.
+    grasp, sheet
+        What the model was composed with; the strips, or the sheet's model in the compiled cell.
     latency_steps
         Age of the sensor sample at the start of the cycle that uses it [physics steps]. The
         youngest is one step old: the force that acts during a step is known when it is done.
@@ -79,7 +80,7 @@ class Simulation:
         self,
         model: mujoco.MjModel,
         grasp: GraspConfig,
-        strips: StripConfig,
+        sheet: StripConfig | SheetModel,
         latency_steps: int = 0,
     ) -> None:
         self.model, self.data = model, mujoco.MjData(model)
@@ -90,13 +91,14 @@ class Simulation:
         self.joint_range = np.array([joint.range for joint in joints])
         self.torque_limit = model.jnt_actfrcrange[[joint.id for joint in joints], 1].copy()
         self._stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
-        self._hold_ids(grasp, strips)
+        self.sheet = StripModel(model, sheet) if isinstance(sheet, StripConfig) else sheet
+        self._hold_ids(grasp)
         self.watch: Watch | None = None
         whole, within = divmod(max(latency_steps, 1) - 1, self.steps)
         self._sample_step = self.steps - 1 - within
         self._line = TransportDelay(whole, 2 * (6 + 9))
 
-    def _hold_ids(self, grasp: GraspConfig, strips: StripConfig) -> None:
+    def _hold_ids(self, grasp: GraspConfig) -> None:
         model = self.model
         self._grips = [model.site(f"{side}_{arm.GRIP_SITE}").id for side in SIDES]
         self._pads = [model.site(f"{side}_{PAD_SITE}").id for side in SIDES]
@@ -118,17 +120,8 @@ class Simulation:
         )
         self._pad_damping = grasp.loss_time_s * self._pad_stiffness
         self._drives = slice(0, len(self._q))
-        bends = [model.joint(bend_joint(i)) for i in range(strips.hinges)]
-        self._bend_q = np.array([joint.qposadr[0] for joint in bends])
-        self.bend_stiffness = float(model.jnt_stiffness[bends[0].id].flat[0])
-        self._middle = model.body(strip_body(strips.hinges // 2)).id
-        self._sheet_q = model.joint("sheet").qposadr[0]
-        own = [i for i in range(model.njnt) if model.joint(i).name.startswith("sheet_")]
-        self._sheet_own = model.jnt_qposadr[own]
         jaws = [model.joint(f"{side}_{jaw}") for side in SIDES for jaw in arm.JAW_JOINTS]
         self._jaw_q = [jaw.qposadr[0] for jaw in jaws]
-        free = model.joint("sheet").dofadr[0] + np.arange(6)
-        self._sheet_dofs = np.concatenate((free, model.jnt_dofadr[own]))
 
     def reset(
         self,
@@ -163,25 +156,23 @@ class Simulation:
         qpos: Vector = self.model.qpos0.copy()
         qpos[self._q] = q
         qpos[self._jaw_q] = jaw_opening_m
-        self._place_sheet(qpos, slopes, middle_m, yaw_rad)
+        self.sheet.place(qpos, slopes, middle_m, yaw_rad)
         return qpos
-
-    def _place_sheet(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
-        qpos[self._sheet_own] = 0.0
-        qpos[self._bend_q] = np.diff(slopes)
-        free = self._sheet_q
-        qpos[free : free + 3] = middle_m
-        qpos[free + 3 : free + 7] = np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)
 
     def put_sheet(self, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
         """Put the sheet somewhere, at rest, untwisted; arguments as :meth:`reset` has them."""
-        self._place_sheet(self.data.qpos, slopes, middle_m, yaw_rad)
-        self.data.qvel[self._sheet_dofs] = 0.0
+        self.sheet.place(self.data.qpos, slopes, middle_m, yaw_rad)
+        self.data.qvel[self.sheet.dofs] = 0.0
+
+    @property
+    def bend_stiffness(self) -> float:
+        """Moment over bending angle [N m/rad]."""
+        return self.sheet.bend_stiffness
 
     @property
     def bending_angles(self) -> Vector:
-        """Angles of the bending hinges from the left end [rad]; k times them is the moment."""
-        return np.asarray(self.data.qpos[self._bend_q])
+        """Bending angles from the left end [rad]; the stiffness times them is the moment."""
+        return self.sheet.bending_angles(self.data)
 
     def observe(self) -> Observation:
         """Bring positions up to date and look; call :meth:`advance` next."""
@@ -201,7 +192,7 @@ class Simulation:
             grip=grip,
             edge=edge,
             wrench=wrench.reshape(2, 6),
-            sag=float(edge[:, 2].mean() - data.xpos[self._middle, 2]),
+            sag=float(edge[:, 2].mean()) - self.sheet.middle_height(data),
         )
 
     def _planar(self) -> Vector:
