@@ -1,7 +1,7 @@
-"""The sheet in a compiled cell, whichever its model: where it is put, how it is bent, who holds it.
+"""The sheet in a compiled cell, whichever its model: where it is put and how it is bent.
 
-Both models have N places of bending at arc lengths (i + 1/2) L/N and between them N + 1 flat pieces,
-the middle one at the sheet's middle; so one set of slopes places either.
+Both models have N places of bending at arc lengths (i + 1/2) L/N and N + 1 flat pieces between
+them, the middle one at the sheet's middle; so one set of slopes places either.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from dualbend.scene.shell import (
     end_body,
     row_places,
     row_shares,
-    set_bending,
+    set_elasticity,
     vertex_body,
 )
 
@@ -86,7 +86,7 @@ class ShellModel:
 
     def __init__(self, model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
         self._model, self._sheet, self._config = model, sheet, config
-        set_bending(model, sheet, config)
+        set_elasticity(model, sheet, config)
         n, rows = config.cells_along, config.cells_across + 2
         self._spacing = sheet.length_m / n
         D = sheet.bending_stiffness_nm2 / (1.0 - sheet.poisson_ratio**2)
@@ -136,7 +136,7 @@ class ShellModel:
             strict=True,
         ):
             along, up = 0.5 * (line[a] + line[b])
-            qpos[at : at + 3] = middle_m + [c * along, s * along, up]
+            qpos[at : at + 3] = middle_m + np.array([c * along, s * along, up])
             (ct, ca), (st, sa) = np.cos([turn / 2, alpha / 2]), np.sin([turn / 2, alpha / 2])
             qpos[at + 3 : at + 7] = ct * ca, -st * sa, ct * sa, st * ca
 

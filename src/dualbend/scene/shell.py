@@ -4,18 +4,20 @@ Columns of vertices stand at arc lengths ``(i − 1/2) h``, ``h = L/N``, i from 
 two and the last two are the grips'. So it bends at ``(i + 1/2) h`` as the strips do, each clamp
 holds the sheet where it ends, and the error is O(h²). Rows stand at both edges and in the middles
 of M cells between, so that it bends across in each cell's middle, for the same reason. Two of MuJoCo's flexes share the
-vertices: one, of triangles, only stretches (plane stress); the other only bends.
+vertices, and both are only containers: their numbers are written into the compiled model by
+:func:`set_elasticity`, since MuJoCo's own are no thin plate.
 
-MuJoCo's own bending of triangles is no plate: on a grid its energy is
-D/2 ∫ κ_x² + κ_y² + 6 κ_xy² (with a bias along the diagonals), without the coupling by Poisson's
-ratio and 4.5 times too stiff in twist (ν = 0.33). What it sums is a quadratic form of four vertices
-a hinge though, ``(Σ w_k x_k)²``, and hinges may be any four vertices. So this second flex is a list
-of hinges whose forms are set in the compiled model to Kirchhoff's plate by finite differences:
-
-    D/2 ∫ κ_x² + κ_y² + 2ν κ_x κ_y + 2 (1 − ν) κ_xy²,   D = E t³ / 12 (1 − ν²)
-
-with ``κ_x κ_y`` from (κ_x − κ_y)². The form is exact for large deflections as far as the sheet does
-not stretch, since second derivatives of the place are then curvatures times the normal.
+* Its bending of triangles is on a grid D/2 ∫ κ_x² + κ_y² + 6 κ_xy² (and a bias along the
+  diagonals): no coupling by Poisson's ratio, and 4.5 times too stiff in twist (ν = 0.33). What it
+  sums is a quadratic form of four vertices a hinge though, and they may be any four. So the second
+  flex lists hinges, each with its own vertices, whose sum is Kirchhoff's plate by finite
+  differences: ``D/2 ∫ κ_x² + κ_y² + 2ν κ_x κ_y + 2 (1 − ν) κ_xy²``, ``D = E t³ / 12 (1 − ν²)``.
+  It holds for large deflections as far as the sheet does not stretch, since second derivatives of
+  the place are then curvatures times the normal.
+* Its stretching of triangles locks: where the sheet is bent and off its middle surface too, as at
+  free edges that curl, they see a shear that is not there. The first flex has a flat tetrahedron a
+  cell, whose form in its six edges' lengths can be any; it is a bilinear plane-stress element with
+  the shear of its middle.
 """
 
 from __future__ import annotations
@@ -37,9 +39,10 @@ Vector = NDArray[np.float64]
 MEMBRANE, BENDING = "sheet_membrane", "sheet_bending"
 """Names of the two flexes."""
 
-_STRETCH, _BEND = 2, 1
-_BLOCK = 17
-"""Numbers of a hinge in MuJoCo: its 4 x 4 form and one for a curved rest shape."""
+_BEND = 1
+_BLOCK, _CELL = 17, 24
+"""Numbers that MuJoCo keeps of a hinge, its 4 x 4 form and one for a curved rest shape; and of a
+tetrahedron, the upper half of its 6 x 6 form and three more."""
 
 _ITERATIONS = 3000
 
@@ -49,7 +52,7 @@ class ShellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     cells_along: Annotated[
         int, msgspec.Meta(ge=8, le=100, description="between the grips, even")
-    ] = 24
+    ] = 20
     cells_across: Annotated[int, msgspec.Meta(ge=2, le=60, description="over the width")] = 4
     damping_ratio: Annotated[
         float, msgspec.Meta(ge=0, lt=1, description="of the first clamped bending mode")
@@ -178,7 +181,7 @@ def add_shell(
 ) -> None:
     """Add the flat sheet to ``spec``, its middle at ``middle_position_m`` (3,) in the world.
 
-    Its ends have the sites that the strips' have. :func:`set_bending` must be called on the
+    Its ends have the sites that the strips' have. :func:`set_elasticity` must be called on the
     compiled model.
     """
     n, m = config.cells_along, config.cells_across
@@ -200,32 +203,27 @@ def add_shell(
                 )
     grid = [(i, j) for i in range(n + 2) for j in range(m + 2)]
     number = {vertex: k for k, vertex in enumerate(grid)}
-    triangles = [
+    corners = [
         number[corner]
         for i in range(n + 1)
         for j in range(m + 1)
-        for triangle in _halves(i, j)
-        for corner in triangle
+        for corner in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
     ]
-    _add_flex(spec, sheet, config, MEMBRANE, grid, triangles, _STRETCH)
+    _add_flex(spec, sheet, config, MEMBRANE, grid, corners, 3)
     # Each hinge has its four vertices for itself: only its own two triangles share an edge.
-    corners = [vertex for hinge in hinges(sheet, config) for vertex in hinge.vertices]
-    pairs = [k + offset for k in range(0, len(corners), 4) for offset in (0, 1, 2, 0, 3, 1)]
-    _add_flex(spec, sheet, config, BENDING, corners, pairs, _BEND)
+    ends = [vertex for hinge in hinges(sheet, config) for vertex in hinge.vertices]
+    pairs = [k + offset for k in range(0, len(ends), 4) for offset in (0, 1, 2, 0, 3, 1)]
+    _add_flex(spec, sheet, config, BENDING, ends, pairs, 2)
 
 
 def prepare_for_shell(spec: mujoco.MjSpec) -> None:
-    """Set the solver up for a flex: its rows are sparse, and its membrane is a million times
-    stiffer than its bending, which the 100 iterations of the default do not always resolve.
+    """Set the solver up for a flex.
+
+    Its rows are sparse, and its membrane is a million times stiffer than its bending, which the
+    100 iterations of the default do not always resolve.
     """
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
     spec.option.iterations = _ITERATIONS
-
-
-def _halves(i: int, j: int) -> tuple[tuple[tuple[int, int], ...], ...]:
-    """Cut a cell in two, neighbours along the other diagonal."""
-    a, b, c, d = (i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)
-    return ((a, b, c), (a, c, d)) if (i + j) % 2 == 0 else ((a, b, d), (b, c, d))
 
 
 def _add_edge(
@@ -257,27 +255,28 @@ def _add_flex(
     config: ShellConfig,
     name: str,
     vertices: Sequence[tuple[int, int]],
-    triangles: Sequence[int],
-    elasticity: int,
+    elements: Sequence[int],
+    dimension: int,
 ) -> None:
     flex = spec.add_flex()
-    flex.name, flex.dim = name, 2
-    flex.radius, flex.thickness = sheet.thickness_m / 2, sheet.thickness_m
-    flex.young, flex.poisson = sheet.young_pa, sheet.poisson_ratio
-    flex.elastic2d = elasticity
+    flex.name, flex.dim, flex.radius = name, dimension, sheet.thickness_m / 2
+    # Of any size: they only ask the compiler for room, which set_elasticity fills.
+    flex.young, flex.poisson, flex.thickness = sheet.young_pa, 0.0, sheet.thickness_m
+    if dimension == 2:
+        flex.elastic2d = _BEND
     flex.damping = damping_time(sheet, config.damping_ratio)
     flex.contype = flex.conaffinity = 0
     flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
     flex.rgba = [0.30, 0.52, 0.80, 1.0]
-    flex.group = 2 if elasticity == _STRETCH else 5
+    flex.group = 2 if dimension == 3 else 5
     places = [_place(sheet, config, *vertex) for vertex in vertices]
     flex.vertbody = [body for body, _ in places]
     flex.vert = np.concatenate([place for _, place in places])
-    flex.elem = list(triangles)
+    flex.elem = list(elements)
 
 
 def _place(sheet: Sheet, config: ShellConfig, i: int, j: int) -> tuple[str, Vector]:
-    """Return a vertex's body and its place there (3,); G's y of the right end is minus the row's."""
+    """Return a vertex's body and its place there (3,); the right G's y is minus the row's."""
     arc, y = column_arcs(sheet, config)[i], row_places(sheet, config)[j]
     if i < 2:
         return end_body(LEFT_END), np.array([arc, y, 0.0])
@@ -286,8 +285,47 @@ def _place(sheet: Sheet, config: ShellConfig, i: int, j: int) -> tuple[str, Vect
     return vertex_body(i, j), np.zeros(3)
 
 
-def set_bending(model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
-    """Give the hinges of a compiled model their forms; MuJoCo's compiler has made its own."""
+def set_elasticity(model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
+    """Write the plate's elasticity into a compiled model, over what MuJoCo's compiler has made."""
+    _set_bending(model, sheet, config)
+    flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, MEMBRANE)
+    gaps = np.diff(row_places(sheet, config))
+    hx = sheet.length_m / config.cells_along
+    forms = [membrane_form(sheet, hx, gap)[np.triu_indices(6)] for gap in gaps.tolist()]
+    count = model.flex_elemnum[flex]
+    start = model.flex_stiffnessadr[flex]
+    stiffness = model.flex_stiffness[start : start + _CELL * count].reshape(count, _CELL)
+    # MuJoCo's energy is a quarter of the form.
+    stiffness[:] = 0.0
+    stiffness[:, :21] = 2.0 * np.tile(forms, (config.cells_along + 1, 1))
+    # The compiler could not weigh constraints against a cell without volume.
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def membrane_form(sheet: Sheet, hx: float, hy: float) -> Vector:
+    """Return H (6, 6) of a cell: its energy is ``eᵀ H e / 2``, e the growth of the edges' squares.
+
+    Edges in MuJoCo's order: near row, far column, diagonal, far row, near column, other diagonal.
+    Strains ``e / 2 l²`` along rows and columns vary linearly over the cell; the shear
+    ``γ = (e_diagonal − e_other) / 4 hx hy`` is that of its middle, so that a cell whose ends turn
+    against each other, as a bent sheet's off its middle surface do, is not sheared.
+    """
+    nu, area = sheet.poisson_ratio, hx * hy
+    plane = sheet.young_pa * sheet.thickness_m / (1.0 - nu**2)
+    rows, columns = [0, 3], [1, 4]
+    strain = np.zeros((6, 6))
+    strain[rows, rows], strain[columns, columns] = 0.5 / hx**2, 0.5 / hy**2
+    linear = np.array([[1.0, 0.5], [0.5, 1.0]]) / 3.0
+    form = np.zeros((6, 6))
+    form[np.ix_(rows, rows)] = form[np.ix_(columns, columns)] = plane * area * linear
+    form[np.ix_(rows, columns)] = form[np.ix_(columns, rows)] = plane * area * nu / 4.0
+    shear = np.zeros(6)
+    shear[[2, 5]] = np.array([1.0, -1.0]) / (4.0 * area)
+    modulus = sheet.young_pa / (2.0 * (1.0 + nu)) * sheet.thickness_m
+    return np.asarray(strain @ form @ strain + modulus * area * np.outer(shear, shear))
+
+
+def _set_bending(model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
     flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, BENDING)
     first, count = model.flex_edgeadr[flex], model.flex_edgenum[flex]
     flaps = model.flex_edgeflap[first : first + count]
