@@ -52,16 +52,17 @@ def beam(
         click.echo(f"{key:<22}{value:>14.6g}")
 
 
-@click.command(epilog=examples("dualbend validate --json"))
+@click.command(epilog=examples("dualbend validate --json", "dualbend validate --shell"))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def validate(as_json: bool) -> None:
+@click.option("--shell", is_flag=True, help="The plate against plate theory instead; a minute.")
+def validate(as_json: bool, shell: bool) -> None:
     """Measure how far simulation is from theory.
 
     Takes a minute or two; exit code 1 where a row fails.
     """
     from dualbend.analysis.validation import run_validation
 
-    rows = run_validation(None if as_json else _show_row)
+    rows = run_validation(None if as_json else _show_row, shell=shell)
     if as_json:
         import msgspec
 

@@ -3,9 +3,10 @@
 Columns of vertices stand at arc lengths ``(i − 1/2) h``, ``h = L/N``, i from 0 to N + 1; the first
 two and the last two are the grips'. So it bends at ``(i + 1/2) h`` as the strips do, each clamp
 holds the sheet where it ends, and the error is O(h²). Rows stand at both edges and in the middles
-of M cells between, so that it bends across in each cell's middle, for the same reason. Two of MuJoCo's flexes share the
-vertices, and both are only containers: their numbers are written into the compiled model by
-:func:`set_elasticity`, since MuJoCo's own are no thin plate.
+of M cells between, so that it bends across in each cell's middle, for the same reason.
+
+Two of MuJoCo's flexes share the vertices, and both are only containers: their numbers are written
+into the compiled model by :func:`set_elasticity`, since MuJoCo's own are no thin plate.
 
 * Its bending of triangles is on a grid D/2 ∫ κ_x² + κ_y² + 6 κ_xy² (and a bias along the
   diagonals): no coupling by Poisson's ratio, and 4.5 times too stiff in twist (ν = 0.33). What it
@@ -44,7 +45,11 @@ _BLOCK, _CELL = 17, 24
 """Numbers that MuJoCo keeps of a hinge, its 4 x 4 form and one for a curved rest shape; and of a
 tetrahedron, the upper half of its 6 x 6 form and three more."""
 
-_ITERATIONS = 3000
+_ITERATIONS, _TOLERANCE = 3000, 1e-6
+
+_EDGE_MASS_KG, _EDGE_INERTIA_KG_M2 = 0.1, 1e-4
+"""Inertia without weight that an edge gets from its gripper, which it is welded to: grams alone,
+against the membrane's stiffness, are more than the solver's preconditioner bears."""
 
 
 class ShellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -110,7 +115,7 @@ def vertex_body(column: int, row: int) -> str:
 def column_arcs(sheet: Sheet, config: ShellConfig) -> Vector:
     """Return the arc length of each column of vertices (N + 2,) [m]."""
     h = sheet.length_m / config.cells_along
-    return h * (np.arange(config.cells_along + 2) - 0.5)
+    return np.asarray(h * (np.arange(config.cells_along + 2) - 0.5))
 
 
 def row_places(sheet: Sheet, config: ShellConfig) -> Vector:
@@ -126,7 +131,7 @@ def row_places(sheet: Sheet, config: ShellConfig) -> Vector:
 def row_shares(sheet: Sheet, config: ShellConfig) -> Vector:
     """Return the width that each row stands for (M + 2,) [m]."""
     gaps = np.concatenate(([0.0], np.diff(row_places(sheet, config)), [0.0]))
-    return 0.5 * (gaps[:-1] + gaps[1:])
+    return np.asarray(0.5 * (gaps[:-1] + gaps[1:]), dtype=np.float64)
 
 
 def hinges(sheet: Sheet, config: ShellConfig) -> list[Hinge]:
@@ -187,9 +192,9 @@ def add_shell(
     n, m = config.cells_along, config.cells_across
     arcs, rows = column_arcs(sheet, config), row_places(sheet, config)
     h, masses = sheet.length_m / n, sheet.mass_kg * row_shares(sheet, config) / sheet.width_m / n
-    middle = np.asarray(middle_position_m)
-    _add_edge(spec, LEFT_END, sheet, h, middle - [sheet.length_m / 2, 0.0, 0.0], 0.0)
-    _add_edge(spec, RIGHT_END, sheet, h, middle + [sheet.length_m / 2, 0.0, 0.0], np.pi)
+    middle, to_end = np.asarray(middle_position_m), np.array([sheet.length_m / 2, 0.0, 0.0])
+    _add_edge(spec, LEFT_END, sheet, h, middle - to_end, 0.0)
+    _add_edge(spec, RIGHT_END, sheet, h, middle + to_end, np.pi)
     for i in range(2, n):
         for j in range(m + 2):
             place = [arcs[i] - sheet.length_m / 2, rows[j], 0.0]
@@ -223,7 +228,7 @@ def prepare_for_shell(spec: mujoco.MjSpec) -> None:
     100 iterations of the default do not always resolve.
     """
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
-    spec.option.iterations = _ITERATIONS
+    spec.option.iterations, spec.option.tolerance = _ITERATIONS, _TOLERANCE
 
 
 def _add_edge(
@@ -298,6 +303,10 @@ def set_elasticity(model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> 
     # MuJoCo's energy is a quarter of the form.
     stiffness[:] = 0.0
     stiffness[:, :21] = 2.0 * np.tile(forms, (config.cells_along + 1, 1))
+    for end in (LEFT_END, RIGHT_END):
+        first = model.joint(end_body(end)).dofadr[0]
+        model.dof_armature[first : first + 3] = _EDGE_MASS_KG
+        model.dof_armature[first + 3 : first + 6] = _EDGE_INERTIA_KG_M2
     # The compiler could not weigh constraints against a cell without volume.
     mujoco.mj_setConst(model, mujoco.MjData(model))
 
