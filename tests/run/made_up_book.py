@@ -57,7 +57,7 @@ def make_book(seed: int = 3) -> tuple[AssemblyRun, RunResult]:
         trace.qpos[row] = simulation.positions(
             run.cell.home, 0.0, slopes, LAID_M + 0.05 * bent * UP, LAID_YAW_RAD
         )
-    trace.bends[:] = trace.qpos[:, simulation._bend_q]
+    trace.bends[:] = trace.qpos[:, simulation.sheet.bend_q]
     for name, _ in trace.columns:
         if "command" in name or "measured" in name or "filtered" in name:
             trace[name][-1] = np.nan

@@ -121,8 +121,8 @@ def peak_by_piece(result: RunResult) -> list[float]:
 
 def surface_strain(result: RunResult) -> Vector:
     """Return the largest surface strain of each row, ε = |Δθ| t / (2 h) (rows,)."""
-    sheet, hinges = result.scenario.sheet.sheet(), result.scenario.sheet.strips.hinges
-    spacing = sheet.length_m / hinges
+    config, sheet = result.scenario.sheet, result.scenario.sheet.sheet()
+    spacing = sheet.length_m / config.sections
     curvature = np.abs(result.trace.bends).max(axis=1, initial=0.0) / spacing
     return np.asarray(curvature * sheet.thickness_m / 2.0)
 

@@ -57,8 +57,13 @@ def ideal_grips(
     weight: bool,
     step_s: float = _STEP_S,
     weld_time_s: float = _WELD_TIME_S,
+    weld_arm_m: float = 1.0,
 ) -> mujoco.MjModel:
-    """Return the sheet alone, its edges welded to two bodies that are moved at will."""
+    """Return the sheet alone, its edges welded to two bodies that are moved at will.
+
+    ``weld_arm_m`` is the length at which the weld weighs a turn against a way: a longer one gives
+    way less to torques.
+    """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.timestep = step_s
@@ -66,10 +71,16 @@ def ideal_grips(
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     spec.option.gravity = [0.0, 0.0, -GRAVITY_M_PER_S2 if weight else 0.0]
     add_sheet(spec, sheet, strips, np.zeros(3))
+    add_ideal_grips(spec, weld_time_s, weld_arm_m)
+    return spec.compile()
+
+
+def add_ideal_grips(spec: mujoco.MjSpec, weld_time_s: float, weld_arm_m: float) -> None:
+    """Weld both edges to bodies that are moved at will."""
     for name, end in (("left", LEFT_END), ("right", RIGHT_END)):
         grip = spec.worldbody.add_body(name=name, mocap=True)
         grip.add_site(name=f"{name}_grip")
-        spec.add_equality(
+        hold = spec.add_equality(
             type=mujoco.mjtEq.mjEQ_WELD,
             objtype=mujoco.mjtObj.mjOBJ_SITE,
             name1=f"{name}_grip",
@@ -77,7 +88,7 @@ def ideal_grips(
             solref=[weld_time_s, 1.0],
             solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
         )
-    return spec.compile()
+        hold.data[10] = weld_arm_m
 
 
 def place_grips(data: mujoco.MjData, alpha: float, half_distance: float) -> None:
@@ -87,7 +98,7 @@ def place_grips(data: mujoco.MjData, alpha: float, half_distance: float) -> None
         data.mocap_quat[i], data.mocap_pos[i] = np.split(target.wxyz_xyz, [4])
 
 
-def _start(
+def start_on_elastica(
     model: mujoco.MjModel, sheet: Sheet, hinges: int, alpha: float, half_distance: float
 ) -> mujoco.MjData:
     """Put the strips on the elastica of this half distance: the branch that is meant."""
@@ -108,7 +119,7 @@ def settled_loads(
     strips = StripConfig(hinges=hinges, damping_ratio=_SETTLING_DAMPING)
     model = ideal_grips(sheet, strips, weight=weight)
     alpha = float(alphas[0])
-    data = _start(model, sheet, hinges, alpha, path.at(alpha)[0])
+    data = start_on_elastica(model, sheet, hinges, alpha, path.at(alpha)[0])
     mujoco.mj_step(model, data, nstep=round(_FIRST_SETTLE_S / _STEP_S))
     loads = []
     for target in alphas.tolist():

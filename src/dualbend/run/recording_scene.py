@@ -25,6 +25,7 @@ from dualbend.scene.arm import GRIP_SITE
 from dualbend.scene.bed import HOLES
 from dualbend.scene.cell import SIDES
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, strip_body
+from dualbend.scene.shell import vertex_body
 
 NOMINAL_COLOUR = [130, 130, 130]
 """Grey: what is nominal, in the scene and in the plots."""
@@ -275,6 +276,8 @@ def _triangles(lines: int) -> NDArray[np.intp]:
 
 def _ribbon(result: RunResult, motion: _Motion) -> Vector:
     """Return the sheet's two long edges, one after the other (rows, 2 (hinges + 2), 3)."""
+    if result.scenario.sheet.model == "shell":
+        return _shell_ribbon(result, motion)
     hinges = result.trace.bends.shape[1]
     strips = [result.model.body(strip_body(i)).id for i in range(hinges + 1)]
     # The middle strip's frame is at its centre, that of every other at its hinge.
@@ -285,6 +288,25 @@ def _ribbon(result: RunResult, motion: _Motion) -> Vector:
     y_axes = np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)), -1)
     across = 0.5 * result.scenario.sheet.width_m * y_axes
     return np.concatenate((places - across, places + across), axis=1)
+
+
+def _shell_ribbon(result: RunResult, motion: _Motion) -> Vector:
+    """Return the same of a plate; the columns that the grips hold are on the way to the next."""
+    shell = result.scenario.sheet.shell
+    edges = []
+    for row in (0, shell.cells_across + 1):
+        free = [result.model.body(vertex_body(i, row)).id for i in range(2, shell.cells_along)]
+        inner = motion.place[:, free]
+        sites = [result.model.site(name).id for name in (LEFT_END, RIGHT_END)]
+        bodies = result.model.site_bodyid[sites]
+        w, x, y, z = np.moveaxis(motion.quaternion[:, bodies], -1, 0)
+        across = np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)))
+        side = 0.5 * result.scenario.sheet.width_m * np.array([1.0, -1.0])[:, None]
+        ends = motion.ends + (-1.0 if row == 0 else 1.0) * side * np.moveaxis(across, 0, -1)
+        left, right = ends[:, :1], ends[:, 1:]
+        held = (2 * left + inner[:, :1]) / 3, (2 * right + inner[:, -1:]) / 3
+        edges.append(np.concatenate((left, held[0], inner, held[1], right), axis=1))
+    return np.concatenate(edges, axis=1)
 
 
 def _in_world(trace: Trace, names: tuple[str, str, str], sign: float) -> Vector:

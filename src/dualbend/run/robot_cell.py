@@ -16,6 +16,7 @@ from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.run.scenario import Scenario
 from dualbend.scene.cell import compose_cell, robots_only, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
+from dualbend.scene.sheet_model import ShellModel
 from dualbend.scene.simulation import SensorSample, Simulation
 
 Vector = NDArray[np.float64]
@@ -48,13 +49,15 @@ class RobotCell:
         self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)
         step_s = scenario.physics.step_s
-        task = scenario.assembly
-        sheet = scenario.sheet.sheet()
+        task, config = scenario.assembly, scenario.sheet
+        sheet = config.sheet()
         self.sheet = sheet if task is None else task.errors.true_sheet(sheet)
+        self._shell = config.shell if config.model == "shell" else None
+        model = without_looks(self._compose(looks=False)).compile()
         self.simulation = Simulation(
-            without_looks(self._compose(looks=False)).compile(),
+            model,
             scenario.grasp,
-            scenario.sheet.strips,
+            config.strips if self._shell is None else ShellModel(model, self.sheet, self._shell),
             latency_steps=scenario.sensor.latency_steps(step_s),
         )
         self.response = CommandResponse(scenario.response, len(self.home), steps_per_cycle(step_s))
@@ -72,6 +75,7 @@ class RobotCell:
             scenario.physics.step_s,
             None if task is None else task.true_layout(),
             0 if task is None else task.sheets - 1,
+            shell=self._shell,
             looks=looks,
         )
 
@@ -94,7 +98,7 @@ class RobotCell:
     def reset(self) -> SensorSample:
         """Put the cell at rest in its start, the sheet in its zero-moment shape."""
         sheet = self.scenario.sheet
-        arcs = np.linspace(0.0, sheet.length_m, sheet.strips.hinges + 1)
+        arcs = np.linspace(0.0, sheet.length_m, sheet.sections + 1)
         _, _, slopes = elastica.shape(float(self.start[2]), sheet.length_m, arcs)
         self.response.reset(self.home)
         middle = np.array([0.0, 0.0, self.scenario.cell.sheet_height_m])

@@ -34,11 +34,20 @@ from dualbend.scene.ik import Targets, grip_targets
 from dualbend.scene.simulation import Observation, SensorSample, tool_mass_and_centre
 from dualbend.task.assembly_motion import TaskStopped
 from dualbend.task.bending import PHASES, nominal_motion
+from dualbend.task.misalignment import errors_over_time
 
 Vector = NDArray[np.float64]
 
 _SNAPPED_SAG_M, _SNAPPED_FROM_RAD = -1e-3, 0.1
 """A sheet bent this far sags by centimetres: a middle this much above its ends is another shape."""
+
+SPACE_COLUMNS = tuple(
+    (f"{side}_{place}_{turn}", "rad")
+    for place in ("grip", "edge")
+    for side in SIDES
+    for turn in ("roll", "yaw")
+)
+"""What the trace of a misaligned run has beside a plane one's columns."""
 
 _CHECKED_POSES = 40
 """Poses of the path that are solved before the run: one in 25 mrad on the shipped ones."""
@@ -110,7 +119,7 @@ class Run:
             self.cycles,
             list(controller.chains),
             simulation.model.nq,
-            self.scenario.sheet.strips.hinges,
+            self.scenario.sheet.sections,
             simulation.joints,
             self.task_columns,
         )
@@ -243,6 +252,9 @@ class BendingRun(Run):
         scenario = with_placements(scenario)
         self.motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
         self._z_m = scenario.cell.sheet_height_m + self.motion.rise_m
+        self._errors = errors_over_time(scenario.misalignment, self.motion)
+        if self._errors is not None:
+            self.task_columns = SPACE_COLUMNS
         self.scenario = scenario
         try:
             cell = RobotCell(scenario, self._nominal_pose(0))
@@ -304,6 +316,9 @@ class BendingRun(Run):
             x, z, alpha = self._nominal_pose(n).tolist()
             seen = cycle.observe(int(self.motion.phase[n]), np.array([alpha, -x, z]))
             refuse_snapped(seen.sag, alpha)
+            if self._errors is not None:
+                self.trace.note(self.cell.simulation.roll_and_yaw().ravel().tolist())
+                self.cell.simulation.displace_grasps(self._errors[n])
             sample = cycle.sample
             readings = controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
             command = controller.command(readings, x, z, alpha)

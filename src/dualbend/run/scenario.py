@@ -35,8 +35,10 @@ from dualbend.run.sheet_material import MATERIAL_KEYS, check_sheet, make_sheet, 
 from dualbend.scene.arm_catalog import JOINT_COUNT, ArmName
 from dualbend.scene.cell import SIDES, CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
+from dualbend.scene.shell import ShellConfig
 from dualbend.task.assembly_config import DEFAULT_YIELD_PA, AssemblyConfig
 from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
+from dualbend.task.misalignment import SHORTEST_SETTLE_S, MisalignmentConfig
 
 _ALTERNATIVES = ("interval_rad", "pieces")
 """Keys of a path that say the same thing: giving one takes the other back."""
@@ -140,7 +142,15 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     plastic: Annotated[
         bool, msgspec.Meta(description="it yields and springs back; false: it stays elastic")
     ] = False
+    model: Annotated[
+        Literal["strips", "shell"],
+        msgspec.Meta(
+            description="strips: a chain, as stiff as rigidity says; shell: a plate, at many times "
+            "the cost"
+        ),
+    ] = "strips"
     strips: StripConfig = StripConfig()
+    shell: ShellConfig = ShellConfig()
 
     def __post_init__(self) -> None:
         """Refuse what is no thin sheet, no known material, and a laminate that would curl."""
@@ -150,6 +160,11 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     def limit_strain(self) -> float | None:
         """Surface strain κ t/2 at which the sheet yields or breaks; None: not known."""
         return substance(self).surface_limit()
+
+    @property
+    def sections(self) -> int:
+        """Number of places along the sheet at which it bends."""
+        return self.strips.hinges if self.model == "strips" else self.shell.cells_along
 
     def sheet(self) -> Sheet:
         """Return the sheet that the beam mathematics speaks of."""
@@ -246,6 +261,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     filter: LowPassConfig = LowPassConfig()
     compliance: AdmittanceConfig = AdmittanceConfig()
     assembly: AssemblyConfig | None = None
+    misalignment: MisalignmentConfig | None = None
     guard: GuardConfig = GuardConfig()
     physics: PhysicsConfig = PhysicsConfig()
     expect: ExpectConfig = ExpectConfig()
@@ -273,6 +289,25 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 f"motion.speed_rad_per_s = {self.motion.speed_rad_per_s} with "
                 f"motion.acceleration_rad_per_s2 = {self.motion.acceleration_rad_per_s2} makes a "
                 f"run of {total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
+            )
+        if self.sheet.model == "shell" and self.assembly is not None:
+            raise ValueError(
+                'sheet.model = "shell" has no holes and no contact: an assembly needs "strips"'
+            )
+        self._refuse_misplaced_misalignment()
+
+    def _refuse_misplaced_misalignment(self) -> None:
+        if self.misalignment is None:
+            return
+        if self.assembly is not None:
+            raise ValueError(
+                "misalignment is for a sheet that is bent between two grips; "
+                "an assembly has assembly.errors"
+            )
+        if self.motion.settle_s < SHORTEST_SETTLE_S:
+            raise ValueError(
+                f"motion.settle_s = {self.motion.settle_s}: misalignment comes in while the arms "
+                f"settle and needs at least {SHORTEST_SETTLE_S} s"
             )
 
     def _refuse_joint_counts(self) -> None:

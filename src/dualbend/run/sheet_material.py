@@ -28,10 +28,23 @@ def check_sheet(config: SheetConfig) -> None:
         thickness = make_sheet(config).thickness_m
     except InputError as error:
         raise ValueError(str(error)) from error
+    _refuse_shell(config)
     if thickness > 0.05 * min(config.length_m, config.width_m):
         raise ValueError(
             f"thickness_m = {thickness:g} is no thin sheet: at most a twentieth "
             f"of length_m = {config.length_m} and width_m = {config.width_m}; all are in metres"
+        )
+
+
+def _refuse_shell(config: SheetConfig) -> None:
+    if config.model != "shell":
+        return
+    if config.plastic:
+        raise ValueError('plastic = true: a shell stays elastic; use model = "strips"')
+    if make_sheet(config).anisotropy is not None:
+        raise ValueError(
+            'model = "shell" is of one material that is alike in all directions; a laminate or an '
+            'orthotropic sheet needs model = "strips"'
         )
 
 
@@ -75,7 +88,8 @@ def make_sheet(config: SheetConfig) -> Sheet:
         young_pa=young,
         poisson_ratio=poisson,
         density_kg_per_m3=whole.density_kg_per_m3,
-        rigidity=config.rigidity,
+        # A shell is a plate: what theory says of it must be of one, too.
+        rigidity="plate" if config.model == "shell" else config.rigidity,
         curvature_per_m=config.curvature_per_m or 0.0,
         anisotropy=anisotropy,
         plasticity=_plasticity(whole) if config.plastic else None,

@@ -15,6 +15,7 @@ from dualbend.scene import arm
 from dualbend.scene.arm_pair import SIDES, ArmPair, Side
 from dualbend.scene.bed import GRIPPING, LayoutConfig, add_holes, add_workplace
 from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, add_sheet
+from dualbend.scene.shell import ShellConfig, add_shell, prepare_for_shell
 
 __all__ = [
     "PAD_SITE",
@@ -140,13 +141,14 @@ def compose_cell(
     layout: LayoutConfig | None = None,
     laid_sheets: int = 0,
     *,
+    shell: ShellConfig | None = None,
     looks: bool = True,
 ) -> mujoco.MjSpec:
     """Return the whole scene: floor, two arms with servos and tools, the sheet held by both.
 
     With a layout, the grippers' jaws are driven, the sheet has holes and is held by nobody yet, and
-    bed, pins and stand are there, with room for sheets that were laid before. Without looks, no
-    mesh of an arm is read.
+    bed, pins and stand are there, with room for sheets that were laid before. With a shell the
+    sheet is a plate instead of strips. Without looks, no mesh of an arm is read.
     """
     spec = mujoco.MjSpec()
     spec.modelname = "dualbend"
@@ -167,7 +169,12 @@ def compose_cell(
         _add_pad(spec, grasp, side)
         for i, joint in enumerate(placed.model.joints, arms.joints(side).start):
             _add_servo(spec, f"{side}_{joint}", servo, i)
-    add_sheet(spec, sheet, strips, np.array([0.0, 0.0, cell.sheet_height_m]))
+    middle = np.array([0.0, 0.0, cell.sheet_height_m])
+    if shell is not None:
+        prepare_for_shell(spec)
+        add_shell(spec, sheet, shell, middle)
+    else:
+        add_sheet(spec, sheet, strips, middle)
     for side, end in zip(SIDES, (LEFT_END, RIGHT_END), strict=True):
         hold = spec.add_equality(
             name=f"{side}_hold",

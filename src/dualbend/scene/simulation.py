@@ -13,14 +13,8 @@ from dualbend.control.alter import TransportDelay, steps_per_cycle
 from dualbend.scene import arm
 from dualbend.scene.arm_pair import arm_joints
 from dualbend.scene.cell import PAD_SITE, SIDES, GraspConfig
-from dualbend.scene.sheet import (
-    LEFT_END,
-    RIGHT_END,
-    StripConfig,
-    bend_joint,
-    hinge_stiffness,
-    strip_body,
-)
+from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig
+from dualbend.scene.sheet_model import SheetModel, StripModel
 
 Vector = NDArray[np.float64]
 
@@ -76,8 +70,8 @@ class Simulation:
     ----------
     model
         From :func:`dualbend.scene.cell.compose_cell`.
-    grasp, strips
-        What the model was composed with.
+    grasp, sheet
+        What the model was composed with; the strips, or the sheet's model in the compiled cell.
     latency_steps
         Age of the sensor sample at the start of the cycle that uses it [physics steps]. The
         youngest is one step old: the force that acts during a step is known when it is done.
@@ -87,7 +81,7 @@ class Simulation:
         self,
         model: mujoco.MjModel,
         grasp: GraspConfig,
-        strips: StripConfig,
+        sheet: StripConfig | SheetModel,
         latency_steps: int = 0,
     ) -> None:
         self.model, self.data = model, mujoco.MjData(model)
@@ -100,15 +94,17 @@ class Simulation:
         self.joint_range = np.array([joint.range for joint in joints])
         self.torque_limit = model.jnt_actfrcrange[[joint.id for joint in joints], 1].copy()
         self._stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
-        self._hold_ids(grasp, strips)
+        self.sheet = StripModel(model, sheet) if isinstance(sheet, StripConfig) else sheet
+        self._hold_ids(grasp)
         self.watch: Watch | None = None
         whole, within = divmod(max(latency_steps, 1) - 1, self.steps)
         self._sample_step = self.steps - 1 - within
         self._line = TransportDelay(whole, 2 * (6 + 9))
 
-    def _hold_ids(self, grasp: GraspConfig, strips: StripConfig) -> None:
+    def _hold_ids(self, grasp: GraspConfig) -> None:
         model = self.model
         self._grips = [model.site(f"{side}_{arm.GRIP_SITE}").id for side in SIDES]
+        self._pads = [model.site(f"{side}_{PAD_SITE}").id for side in SIDES]
         edges = [model.site(name).id for name in (LEFT_END, RIGHT_END)]
         self._ends = np.array([self._grips, edges])
         self._ft_sites = [model.site(f"{side}_{arm.FT_SITE}").id for side in SIDES]
@@ -127,17 +123,8 @@ class Simulation:
         )
         self._pad_damping = grasp.loss_time_s * self._pad_stiffness
         self._drives = slice(0, len(self._q))
-        bends = [model.joint(bend_joint(i)) for i in range(strips.hinges)]
-        self._bend_q = np.array([joint.qposadr[0] for joint in bends])
-        self.bend_stiffness = hinge_stiffness(model, 0)
-        self._middle = model.body(strip_body(strips.hinges // 2)).id
-        self._sheet_q = model.joint("sheet").qposadr[0]
-        own = [i for i in range(model.njnt) if model.joint(i).name.startswith("sheet_")]
-        self._sheet_own = model.jnt_qposadr[own]
         jaws = [model.joint(f"{side}_{jaw}") for side in SIDES for jaw in arm.JAW_JOINTS]
         self._jaw_q = [jaw.qposadr[0] for jaw in jaws]
-        free = model.joint("sheet").dofadr[0] + np.arange(6)
-        self._sheet_dofs = np.concatenate((free, model.jnt_dofadr[own]))
 
     def reset(
         self,
@@ -172,25 +159,23 @@ class Simulation:
         qpos: Vector = self.model.qpos0.copy()
         qpos[self._q] = q
         qpos[self._jaw_q] = jaw_opening_m
-        self._place_sheet(qpos, slopes, middle_m, yaw_rad)
+        self.sheet.place(qpos, slopes, middle_m, yaw_rad)
         return qpos
-
-    def _place_sheet(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
-        qpos[self._sheet_own] = 0.0
-        qpos[self._bend_q] = np.diff(slopes)
-        free = self._sheet_q
-        qpos[free : free + 3] = middle_m
-        qpos[free + 3 : free + 7] = np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)
 
     def put_sheet(self, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
         """Put the sheet somewhere, at rest, untwisted; arguments as :meth:`reset` has them."""
-        self._place_sheet(self.data.qpos, slopes, middle_m, yaw_rad)
-        self.data.qvel[self._sheet_dofs] = 0.0
+        self.sheet.place(self.data.qpos, slopes, middle_m, yaw_rad)
+        self.data.qvel[self.sheet.dofs] = 0.0
+
+    @property
+    def bend_stiffness(self) -> float:
+        """Moment over bending angle [N m/rad]."""
+        return self.sheet.bend_stiffness
 
     @property
     def bending_angles(self) -> Vector:
-        """Angles of the bending hinges from the left end [rad]; k times them is the moment."""
-        return np.asarray(self.data.qpos[self._bend_q])
+        """Bending angles from the left end [rad]; the stiffness times them is the moment."""
+        return self.sheet.bending_angles(self.data)
 
     def observe(self) -> Observation:
         """Bring positions up to date and look; call :meth:`advance` next."""
@@ -210,7 +195,7 @@ class Simulation:
             grip=grip,
             edge=edge,
             wrench=wrench.reshape(2, 6),
-            sag=float(edge[:, 2].mean() - data.xpos[self._middle, 2]),
+            sag=float(edge[:, 2].mean()) - self.sheet.middle_height(data),
         )
 
     def _planar(self) -> Vector:
@@ -220,6 +205,34 @@ class Simulation:
         axes = self.data.site_xmat[self._ends]
         pose[..., 3] = np.arctan2(-axes[..., 6], axes[..., 0] * BENDING_TO_WORLD[:, 0])
         return pose
+
+    def roll_and_yaw(self) -> Vector:
+        """Return (2, 2, 2): gripper and edge, left and right, roll and yaw [rad].
+
+        With a pitch they make the axes in the arm's bending frame, R_z(yaw) R_y(pitch) R_x(roll);
+        the observed end slope α has tan α cos(yaw) = tan(pitch).
+        """
+        axes = self.data.site_xmat[self._ends]
+        turns = np.empty((2, 2, 2))
+        turns[..., 0] = np.arctan2(axes[..., 7], axes[..., 8])
+        turns[..., 1] = np.arctan2(
+            axes[..., 3] * BENDING_TO_WORLD[:, 1], axes[..., 0] * BENDING_TO_WORLD[:, 0]
+        )
+        return turns
+
+    def displace_grasps(self, errors: Vector) -> None:
+        """Let each sheet edge lie off its gripper's frame G by y [m], roll and yaw [rad], (2, 3).
+
+        ``R_GE = R_z(yaw) R_x(roll)``; the sheet follows within a step, so change it little by
+        little.
+        """
+        # A site that was compiled onto its body's frame would stay there whatever its place says.
+        self.model.site_sameframe[self._pads] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        for pad, (lateral, roll, yaw) in zip(self._pads, errors.tolist(), strict=True):
+            cr, sr = np.cos(roll / 2), np.sin(roll / 2)
+            cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
+            self.model.site_pos[pad] = 0.0, lateral, 0.0
+            self.model.site_quat[pad] = cy * cr, cy * sr, sy * sr, sy * cr
 
     def advance(self, setpoints: Vector) -> SensorSample:
         """Run one command cycle on ``setpoints`` (steps, n) [rad], one row a physics step.
