@@ -20,7 +20,9 @@ from dualbend.analysis.assembly_metrics import (
     seated,
 )
 from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.run.arms import arm_pair
 from dualbend.run.runner import RunResult
+from dualbend.scene.arm_room import arm_room
 from dualbend.scene.cell import SIDES
 from dualbend.task.assembly_plan import plan_assembly
 from dualbend.task.bending import PHASES, make_path
@@ -219,6 +221,7 @@ def summary(result: RunResult) -> dict[str, Any]:
         "reason": result.reason,
         "versions": versions(),
         "metrics": {name: msgspec.to_builtins(metric) for name, metric in metrics.items()},
+        "arms": msgspec.to_builtins(arm_room(arm_pair(result.scenario), result.trace.setpoints)),
         **tables,
     }
 

@@ -7,7 +7,7 @@ Heavy imports happen inside the commands.
 
 import click
 
-from dualbend.cli import assembly, files, judge, runs, stability, theory
+from dualbend.cli import arms, assembly, files, judge, runs, stability, theory
 from dualbend.cli.common import Commands, examples
 
 
@@ -32,6 +32,7 @@ for _command in (
     files.new,
     files.schema,
     files.reference,
+    arms.arms,
     runs.scene,
     runs.render,
     runs.view,

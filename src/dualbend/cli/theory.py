@@ -52,16 +52,18 @@ def beam(
         click.echo(f"{key:<22}{value:>14.6g}")
 
 
-@click.command(epilog=examples("dualbend validate --json"))
+@click.command(epilog=examples("dualbend validate --json", "dualbend validate --arm ur5"))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def validate(as_json: bool) -> None:
+@click.option("--arm", metavar="NAME", help="Measure one arm of dualbend arms instead.")
+def validate(as_json: bool, arm: str | None) -> None:
     """Measure how far simulation is from theory.
 
     Takes a minute or two; exit code 1 where a row fails.
     """
-    from dualbend.analysis.validation import run_validation
+    from dualbend.analysis.validation import run_arm_validation, run_validation
 
-    rows = run_validation(None if as_json else _show_row)
+    on_row = None if as_json else _show_row
+    rows = run_validation(on_row) if arm is None else run_arm_validation(arm, on_row)
     if as_json:
         import msgspec
 
