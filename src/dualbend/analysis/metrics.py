@@ -21,8 +21,10 @@ from dualbend.analysis.assembly_metrics import (
 )
 from dualbend.analysis.sheet_report import sheet_report
 from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.run.arms import arm_pair
 from dualbend.run.permanent_set import permanent_curvature
 from dualbend.run.runner import RunResult
+from dualbend.scene.arm_room import arm_room
 from dualbend.scene.cell import SIDES
 from dualbend.task.assembly_plan import plan_assembly
 from dualbend.task.bending import PHASES, make_path
@@ -249,6 +251,7 @@ def summary(result: RunResult) -> dict[str, Any]:
         "versions": versions(),
         "sheet": msgspec.to_builtins(sheet_report(result.scenario)),
         "metrics": {name: msgspec.to_builtins(metric) for name, metric in metrics.items()},
+        "arms": msgspec.to_builtins(arm_room(arm_pair(result.scenario), result.trace.setpoints)),
         **tables,
     }
 

@@ -17,10 +17,11 @@ from dualbend.analysis import (
     validation_sheet,
     validation_shell,
     validation_space,
+    validation_urdf,
 )
 from dualbend.analysis.validation_row import Row
 
-__all__ = ["Row", "run_validation"]
+__all__ = ["Row", "run_arm_validation", "run_validation"]
 
 
 def run_validation(
@@ -30,8 +31,23 @@ def run_validation(
 
     With ``shell`` the rows are those of the plate instead, which take a minute.
     """
+    return _collect(validation_shell.shell_rows() if shell else _rows(), on_row)
+
+
+def run_arm_validation(name: str, on_row: Callable[[Row], None] | None = None) -> list[Row]:
+    """Return the rows of one arm, as :func:`run_validation` does. Takes 30 s on one core.
+
+    Raises
+    ------
+    InputError
+        No such arm, or it cannot do the paper's experiment: nothing can be measured then.
+    """
+    return _collect(validation_urdf.arm_rows(name), on_row)
+
+
+def _collect(found: Iterator[Row], on_row: Callable[[Row], None] | None) -> list[Row]:
     rows = []
-    for row in validation_shell.shell_rows() if shell else _rows():
+    for row in found:
         rows.append(row)
         if on_row is not None:
             on_row(row)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import mujoco
 import numpy as np
@@ -51,14 +51,21 @@ class HeldCell:
         Bending angle of the zero-moment pose in which it starts.
     scenario_name
         Shipped scenario that it is composed from.
+    settings
+        Keys of it that are changed.
     dry_friction
         Keep the arm joints' Coulomb friction.
     """
 
     def __init__(
-        self, alpha_rad: float, scenario_name: str = "fig6", *, dry_friction: bool = True
+        self,
+        alpha_rad: float,
+        scenario_name: str = "fig6",
+        settings: Sequence[str] = (),
+        *,
+        dry_friction: bool = True,
     ) -> None:
-        self.scenario = scenario = load_scenario(scenario_name)
+        self.scenario = scenario = load_scenario(scenario_name, settings)
         length, height = scenario.sheet.length_m, scenario.cell.sheet_height_m
         x, rise = elastica.half_distance(alpha_rad, length), elastica.rise(alpha_rad, length)
         self.pose = np.array([-x, height + rise, alpha_rad])
@@ -108,9 +115,11 @@ def fit_response(position: Vector, start: float) -> tuple[float, float]:
     return float(fit.x[0]), float(fit.x[1])
 
 
-def identify_response(direction: int) -> tuple[float, float, CommandResponseConfig]:
+def identify_response(
+    direction: int, settings: Sequence[str] = ()
+) -> tuple[float, float, CommandResponseConfig]:
     """Step both grips; return ω_n [rad/s] and ξ of the left one, and the configured response."""
-    cell = HeldCell(STEP_SLOPE_RAD)
+    cell = HeldCell(STEP_SLOPE_RAD, settings=settings)
     before = cell.rest().grip[0, _GRIP_PLANE[direction]]
     target = cell.pose.copy()
     target[direction] += DIRECTIONS[direction][1]
@@ -119,10 +128,10 @@ def identify_response(direction: int) -> tuple[float, float, CommandResponseConf
     return *fit_response(position, float(before)), cell.scenario.response
 
 
-def response_rows() -> Iterator[Row]:
+def response_rows(settings: Sequence[str] = ()) -> Iterator[Row]:
     """Compare the left end effector's identified ω_n and ξ with the configured ones."""
     for i, (name, _, _) in enumerate(DIRECTIONS):
-        omega, ratio, wanted = identify_response(i)
+        omega, ratio, wanted = identify_response(i, settings)
         frequency = omega / (2.0 * np.pi)
         where = f"of the end effector in {name}"
         configured = wanted.natural_frequency_hz
@@ -130,14 +139,14 @@ def response_rows() -> Iterator[Row]:
         yield relative(f"damping ratio {where}", ratio, wanted.damping_ratio, "1", 0.05)
 
 
-def stiffness_rows() -> Iterator[Row]:
+def stiffness_rows(settings: Sequence[str] = ()) -> Iterator[Row]:
     """Push the left grip and compare its static stiffness with (J Kq⁻¹ Jᵀ)⁻¹.
 
     The servos hold still; dry friction is off, which would hold a push of this size by itself. The
     reference deflection is that of the whole change of the load: the push and what the sheet does
     in answer.
     """
-    cell = HeldCell(STEP_SLOPE_RAD, dry_friction=False)
+    cell = HeldCell(STEP_SLOPE_RAD, settings=settings, dry_friction=False)
     before = cell.rest()
     compliance = _compliance(cell)
     for i, (name, _, unit) in enumerate(DIRECTIONS):

@@ -8,6 +8,7 @@ Heavy imports happen inside the commands.
 import click
 
 from dualbend.cli import (
+    arms,
     assembly,
     files,
     judge,
@@ -45,6 +46,7 @@ for _command in (
     files.new,
     files.schema,
     files.reference,
+    arms.arms,
     runs.scene,
     runs.render,
     runs.view,

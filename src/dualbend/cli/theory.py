@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dualbend.cli.common import EXIT_FAILED_CHECK, examples
+from dualbend.errors import InputError
 
 if TYPE_CHECKING:
     from dualbend.analysis.validation import Row
@@ -82,20 +83,29 @@ def beam(
         click.echo(f"{key:<30}{shown}")
 
 
-@click.command(epilog=examples("dualbend validate --markdown validation.md"))
+@click.command(
+    epilog=examples("dualbend validate --markdown validation.md", "dualbend validate --arm ur5")
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--markdown", type=click.Path(path_type=Path), help="Markdown file to write.")
+@click.option("--arm", metavar="NAME", help="Measure one arm of dualbend arms instead.")
 @click.option("--shell", is_flag=True, help="The plate against plate theory instead; a minute.")
-def validate(as_json: bool, markdown: Path | None, shell: bool) -> None:
+def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool) -> None:
     """Measure how far simulation is from theory.
 
     Takes a minute or two; exit code 1 where a row fails.
     """
-    from dualbend.analysis.validation import run_validation
+    from dualbend.analysis.validation import run_arm_validation, run_validation
 
+    if arm is not None and shell:
+        raise InputError("--arm and --shell: one of the two")
     if markdown is not None:
         _write_markdown("", markdown)  # before two minutes are spent
-    rows = run_validation(None if as_json else _show_row, shell=shell)
+    on_row = None if as_json else _show_row
+    if arm is not None:
+        rows = run_arm_validation(arm, on_row)
+    else:
+        rows = run_validation(on_row, shell=shell)
     if as_json:
         import msgspec
 
@@ -114,7 +124,6 @@ def validate(as_json: bool, markdown: Path | None, shell: bool) -> None:
 
 
 def _write_markdown(text: str, path: Path) -> None:
-    from dualbend.errors import InputError
 
     try:
         with path.open("a" if not text else "w", encoding="utf-8") as file:
@@ -144,7 +153,6 @@ def audit(scan: bool, out: Path | None, as_json: bool) -> None:
     from dualbend.analysis.audit import audit as check
     from dualbend.analysis.audit import page, run_scan
     from dualbend.analysis.audit_reading import readings
-    from dualbend.errors import InputError
 
     if scan:
         with click.progressbar(

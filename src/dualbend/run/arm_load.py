@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.beam import elastica
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.errors import InputError
 from dualbend.run.scenario import Scenario
@@ -17,9 +18,9 @@ from dualbend.scene.arm_pair import SIDES, ArmPair, Side
 
 Vector = NDArray[np.float64]
 
-_FORCE_FACTOR, _MOMENT_FACTOR = 25.0, 2.0
-"""End force over EI/L² and moment over EI Δα/L that a sheet asks for at most on a linear piece of
-0.2 rad from the flat on; the rod oracle."""
+_PIECE_RAD, _FIRST_FORCE, _MOMENT = 0.2, 15.0, 2.0
+"""On a linear piece of 0.2 rad from the flat on, the sheet pushes by up to 15 EI/L² more than in
+its zero-moment shapes and turns by up to 2 EI Δα/L, both proportional to the piece; rod oracle."""
 
 
 def refuse_overload(
@@ -61,14 +62,17 @@ def sheet_load(scenario: Scenario) -> Vector:
     """Return the largest wrench of the sheet on a grip, x, z [N] and about y [N m], (3,)."""
     sheet = scenario.sheet.sheet()
     stiffness, length = sheet.bending_stiffness_nm2, sheet.length_m
-    interval = scenario.path.interval_rad or (
-        (scenario.path.end_rad - scenario.path.start_rad) / (scenario.path.pieces or math.inf)
-    )
+    path = scenario.path
+    interval = path.interval_rad or (path.end_rad - path.start_rad) / (path.pieces or math.inf)
+    share = min(interval / _PIECE_RAD, 1.0)
+    force = elastica.end_force(path.end_rad, stiffness, length)
+    if path.start_rad < interval:
+        force += _FIRST_FORCE * share * stiffness / length**2
     return np.array(
         [
-            _FORCE_FACTOR * stiffness / length**2,
+            force,
             0.5 * sheet.mass_kg * GRAVITY_M_PER_S2,
-            _MOMENT_FACTOR * stiffness * min(interval, 0.2) / length,
+            _MOMENT * stiffness * share * _PIECE_RAD / length,
         ]
     )
 

@@ -177,7 +177,8 @@ class AssemblyRun(Run):
             visited.append(q)
             if phase == "lower":
                 self._down, self._down_q = posture, q
-        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, np.array(visited))
+        self.foreseen = np.array(visited)
+        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, self.foreseen)
 
     def _out_of_reach(self, phase: str, error: InputError) -> InputError:
         layout = self.config.layout

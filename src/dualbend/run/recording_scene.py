@@ -213,8 +213,7 @@ def _shapes(
                 foot = Rotation.from_quat(quaternion).apply([0.0, 0.0, 1.0]) * -size[:, 1:2]
                 shapes.append(rr.Capsules3D(translations=place + foot, **round_, **look))
             case mujoco.mjtGeom.mjGEOM_MESH:
-                (only,) = which  # one mesh an entity
-                shapes.append(_mesh(model, int(only), rgba[0]))
+                shapes.append(_mesh(model, which.tolist(), rgba))
             case other:
                 raise NotImplementedError(f"a visual geom of type {other.name} in the recording")
     return shapes
@@ -235,8 +234,19 @@ def _poses_of_geoms(
     return place, quaternion
 
 
-def _mesh(model: mujoco.MjModel, geom: int, rgba: Vector) -> rr.Mesh3D:
-    """Return a mesh geom in its body's frame, each triangle with its own three vertices."""
+def _mesh(model: mujoco.MjModel, geoms: list[int], rgba: Vector) -> rr.Mesh3D:
+    """Return a body's mesh geoms as one, in its frame, each triangle with its own three vertices.
+
+    An entity holds one mesh: several colours are those of its vertices.
+    """
+    corners = [_corners(model, geom) for geom in geoms]
+    if len(geoms) == 1:
+        return rr.Mesh3D(vertex_positions=corners[0], albedo_factor=rgba[0])
+    colours = np.repeat(rgba, [len(each) for each in corners], axis=0)
+    return rr.Mesh3D(vertex_positions=np.concatenate(corners), vertex_colors=colours)
+
+
+def _corners(model: mujoco.MjModel, geom: int) -> Vector:
     mesh = int(model.geom_dataid[geom])
     vertices, faces = (
         array[start : start + count]
@@ -246,8 +256,7 @@ def _mesh(model: mujoco.MjModel, geom: int, rgba: Vector) -> rr.Mesh3D:
         )
     )
     turn = Rotation.from_quat(model.geom_quat[geom], scalar_first=True)
-    corners = (turn.apply(vertices) + model.geom_pos[geom])[faces.ravel()]
-    return rr.Mesh3D(vertex_positions=corners, albedo_factor=rgba)
+    return np.asarray((turn.apply(vertices) + model.geom_pos[geom])[faces.ravel()])
 
 
 def _log_sheet(

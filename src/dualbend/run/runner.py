@@ -87,6 +87,8 @@ class Run:
 
     phases: tuple[str, ...]
     trace: Trace
+    foreseen: Vector
+    """Joint angles (k, n) of the poses that were tried before the run."""
     task_columns: tuple[tuple[str, str], ...] = ()
     compliance: Callable[[Scenario], Compliance] = staticmethod(make_admittance)
 
@@ -290,7 +292,8 @@ class BendingRun(Run):
                 self._refuse_speed(np.abs(there - q) / ((cycle - before) * COMMAND_PERIOD_S))
             q, before = there, cycle
             poses.append(there)
-        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, np.array(poses))
+        self.foreseen = np.array(poses)
+        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, self.foreseen)
 
     def _out_of_reach(self, cycle: int, error: InputError) -> InputError:
         return InputError(

@@ -173,6 +173,11 @@ class Trace:
         return part
 
     @property
+    def setpoints(self) -> Vector:
+        """Joint set-points (rows, n) [rad]; NaN in a row that was not completed."""
+        return self._table[: self.rows, self._slices["setpoint"]]
+
+    @property
     def qpos(self) -> Vector:
         """Physics positions (rows, nq) at the start of each cycle."""
         return self._qpos[: self.rows]

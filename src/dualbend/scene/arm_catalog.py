@@ -6,8 +6,11 @@ read from its URDF. This table has what no URDF holds: where the flange is, payl
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 from typing import Final, Literal
+
+from dualbend.errors import InputError
 
 ArmName = Literal["puma560", "ur3", "ur5", "ur10", "panda", "xarm7", "z1"]
 
@@ -17,6 +20,16 @@ PACKAGE: Final = "example-robot-data"
 JOINT_COUNT: Final[dict[ArmName, int]] = {
     **{"puma560": 6, "ur3": 6, "ur5": 6, "ur10": 6, "panda": 7, "xarm7": 7, "z1": 6}
 }
+
+
+def arm_name(text: str, key: str = "arm.model") -> ArmName:
+    """Return the name of an arm; InputError with the choices where there is none of that name."""
+    for name in JOINT_COUNT:
+        if name == text:
+            return name
+    close = difflib.get_close_matches(text, JOINT_COUNT, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    raise InputError(f"{key} = {text!r}: no such arm; {hint}there are {', '.join(JOINT_COUNT)}")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -303,7 +303,7 @@ class _Search:
             return head + (
                 f"no base reaches all poses of the path, the best of {len(tried.miss)} misses one "
                 f"by {1e3 * arm.reach_m * tried.miss[best]:.0f} mm"
-                + (f" with {' and '.join(at)} at its limit" if at else "")
+                + (f" with {' and '.join(at)} at a limit" if at else "")
             )
         room = np.degrees(tried.room[reached].max())
         if room < np.degrees(LEAST_MARGIN_RAD):

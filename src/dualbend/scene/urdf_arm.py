@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dualbend.errors import InputError
 from dualbend.scene.arm import FLANGE_SITE
 from dualbend.scene.arm_catalog import PACKAGE, URDF_ARMS, ArmName, UrdfFacts
+from dualbend.scene.collada import read_collada
 from dualbend.scene.urdf import (
     UrdfChain,
     UrdfLink,
@@ -73,9 +74,6 @@ def load_urdf_arm(name: ArmName, *, looks: bool = True) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.modelname = name
     spec.compiler.degree = False
-    if looks:
-        spec.add_material(name="light", rgba=_LIGHT, specular=0.3, shininess=0.4)
-        spec.add_material(name="dark", rgba=_DARK, specular=0.3, shininess=0.4)
     body = spec.worldbody.add_body(name="base")
     _add_shape(spec, body, chain.base, "base", looks=looks)
     limits = torque_limits(name)
@@ -118,25 +116,13 @@ def _add_shape(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, link: UrdfLink, name: str, *, looks: bool
 ) -> None:
     """Give a body its meshes to look at and a capsule around them that collides."""
-    meshes = _readable(link)
-    if not meshes:
-        return
     if looks:
-        for i, mesh in enumerate(meshes):
-            shape = spec.add_mesh(name=f"{name}_{i}", file=str(mesh.file), scale=mesh.scale)
-            shape.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-            body.add_geom(
-                type=mujoco.mjtGeom.mjGEOM_MESH,
-                meshname=f"{name}_{i}",
-                pos=mesh.pose[:3, 3],
-                quat=quaternion(mesh.pose[:3, :3]),
-                material="dark" if name[-1] in "246" else "light",
-                mass=0.0,
-                contype=0,
-                conaffinity=0,
-                group=2,
-            )
-    middle, axis, radius, half = capsule(np.concatenate([corners(mesh) for mesh in meshes]))
+        for i, mesh in enumerate(link.visuals):
+            _add_look(spec, body, mesh, f"{name}_{i}", _DARK if name[-1] in "246" else _LIGHT)
+    solid = link.collisions or link.visuals
+    if not solid:
+        return
+    middle, axis, radius, half = capsule(np.concatenate([corners(mesh) for mesh in solid]))
     turn = np.roll(np.eye(3), 2 - axis, axis=1)
     body.add_geom(
         name=f"{name}_c",
@@ -152,13 +138,47 @@ def _add_shape(
     )
 
 
-def _readable(link: UrdfLink) -> list[UrdfMesh]:
-    """Return the meshes that can be shown: a visual STL, else the STL made for collisions."""
-    for meshes in (link.visuals, link.collisions):
-        found = [mesh for mesh in meshes if mesh.file.suffix.lower() == ".stl"]
-        if found:
-            return found
-    return []
+def _is_stl(mesh: UrdfMesh) -> bool:
+    return mesh.file.suffix.lower() == ".stl"
+
+
+def _add_look(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    mesh: UrdfMesh,
+    name: str,
+    shade: tuple[float, ...],
+) -> None:
+    """Show a mesh: an STL in a shade, a COLLADA file in its own colours."""
+    if _is_stl(mesh):
+        shape = spec.add_mesh(name=name, file=str(mesh.file), scale=mesh.scale)
+        _add_mesh(body, shape, mesh, shade)
+        return
+    for i, part in enumerate(read_collada(mesh.file)):
+        shape = spec.add_mesh(
+            name=f"{name}_{i}",
+            uservert=(part.vertices * mesh.scale).ravel(),
+            userface=part.faces.ravel(),
+        )
+        _add_mesh(body, shape, mesh, part.rgba)
+
+
+def _add_mesh(
+    body: mujoco.MjsBody, shape: mujoco.MjsMesh, mesh: UrdfMesh, rgba: tuple[float, ...]
+) -> None:
+    # Open surfaces have no volume, and their mass is not asked for.
+    shape.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=shape.name,
+        pos=mesh.pose[:3, 3],
+        quat=quaternion(mesh.pose[:3, :3]),
+        rgba=rgba,
+        mass=0.0,
+        contype=0,
+        conaffinity=0,
+        group=2,
+    )
 
 
 def _exclude_neighbours(spec: mujoco.MjSpec, count: int) -> None:
@@ -182,8 +202,12 @@ def _stl(file: Path) -> Vector:
 
 
 def corners(mesh: UrdfMesh) -> Vector:
-    """Return the corners (k, 3) of a binary STL's triangles in the link's frame [m]."""
-    return np.asarray((_stl(mesh.file) * mesh.scale) @ mesh.pose[:3, :3].T + mesh.pose[:3, 3])
+    """Return the corners (k, 3) of a mesh's triangles in the link's frame [m]."""
+    if _is_stl(mesh):
+        points = _stl(mesh.file)
+    else:
+        points = np.concatenate([part.vertices for part in read_collada(mesh.file)])
+    return np.asarray((points * mesh.scale) @ mesh.pose[:3, :3].T + mesh.pose[:3, 3])
 
 
 def capsule(points: Vector) -> tuple[Vector, int, float, float]:

@@ -1,0 +1,101 @@
+"""The arms that a scenario may name, as a table, and what each makes of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import msgspec
+
+from dualbend.errors import InputError
+from dualbend.run.make import make_run
+from dualbend.run.scenario import load_scenario
+from dualbend.scene.arm_catalog import JOINT_COUNT
+from dualbend.scene.arm_model import arm_model
+from dualbend.scene.arm_room import arm_room
+
+_LISTED = (
+    *("name", "joint_names", "payload_kg", "reach_m", "range_rad", "speed_limit_rad_per_s"),
+    *("torque_limit_n_m", "armature_kg_m2", "viscous_n_m_s_per_rad", "coulomb_n_m"),
+    *("stiffness_n_m_per_rad", "source", "grade", "assumed"),
+)
+
+
+def arm_table() -> list[dict[str, Any]]:
+    """Return what is known of each arm; ``missing`` says why an arm's data cannot be read."""
+    rows: list[dict[str, Any]] = []
+    for name, joints in JOINT_COUNT.items():
+        try:
+            model = arm_model(name)
+        except InputError as error:
+            rows.append({"name": name, "joints": joints, "missing": str(error)})
+            continue
+        known = {key: getattr(model, key) for key in _LISTED}
+        rows.append({**known, "joints": model.count, "placed": model.placement is None})
+    return rows
+
+
+def judge_arms(scenario: str, settings: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
+    """Yield for each arm, on both sides, what becomes of a scenario: its place, or why not.
+
+    ``room`` has manipulability and room to the limits by side, ``cell`` where the bases stand,
+    ``refused`` the reason of an arm that cannot do it.
+    """
+    for name in JOINT_COUNT:
+        try:
+            ready = make_run(load_scenario(scenario, (*settings, f'arm.model="{name}"')))
+        except InputError as error:
+            yield {"name": name, "refused": str(error)}
+            continue
+        yield {
+            "name": name,
+            "cell": msgspec.to_builtins(ready.scenario.cell),
+            "room": msgspec.to_builtins(arm_room(ready.cell.arms, ready.foreseen)),
+        }
+
+
+def table_text(rows: Sequence[dict[str, Any]]) -> str:
+    """Return the table of :func:`arm_table` for people."""
+    lines = [f"{'name':<9}{'joints':>6}{'reach':>9}{'payload':>10}  source; grade"]
+    for row in rows:
+        if "missing" in row:
+            lines.append(f"{row['name']:<9}{row['joints']:>6}  {row['missing']}")
+            continue
+        lines.append(
+            f"{row['name']:<9}{row['joints']:>6}{row['reach_m']:>7.3g} m"
+            f"{row['payload_kg']:>7.3g} kg  {row['source']}"
+        )
+        notes = [row["grade"], *(f"assumed: {text}" for text in row["assumed"])]
+        lines.extend(f"{'':<34}{note}" for note in notes)
+    return "\n".join(lines)
+
+
+def table_markdown(rows: Sequence[dict[str, Any]]) -> str:
+    """Return the table of :func:`arm_table` for the documentation."""
+    lines = [
+        "| arm | joints | reach | payload | servo stiffness, base to flange | source | grade |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        if "missing" in row:
+            continue
+        stiffness = " ".join(f"{1e-3 * k:.3g}" for k in row["stiffness_n_m_per_rad"])
+        grade = "; ".join([row["grade"], *(f"assumed: {text}" for text in row["assumed"])])
+        lines.append(
+            f"| `{row['name']}` | {row['joints']} | {row['reach_m']:g} m "
+            f"| {row['payload_kg']:g} kg | {stiffness} kN m/rad | {row['source']} | {grade} |"
+        )
+    return "\n".join(lines)
+
+
+def verdict_text(row: dict[str, Any]) -> str:
+    """Return one line of :func:`judge_arms` for people."""
+    if "refused" in row:
+        return f"{row['name']:<9}no: {row['refused']}"
+    cell, room = row["cell"], row["room"]["left"]
+    return (
+        f"{row['name']:<9}base {cell['base_distance_m']:.3f} m behind, "
+        f"{cell['base_lateral_m']:+.3f} m beside, {cell['base_height_m']:.3f} m up, "
+        f"yaw {cell['base_yaw_rad']:+.3f}; manipulability {room['manipulability']:.2f}, "
+        f"{room['room_deg']:.0f} degrees of room ({room['joint']})"
+    )

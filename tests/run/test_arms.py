@@ -1,0 +1,145 @@
+"""Runs on other arms: shortened here, in full length by ``dualbend validate --arm NAME``."""
+
+import numpy as np
+import pytest
+
+from dualbend.analysis.metrics import summary
+from dualbend.analysis.validation_runs import ik_residuals
+from dualbend.errors import InputError
+from dualbend.run.arm_list import arm_table, judge_arms, table_markdown, table_text, verdict_text
+from dualbend.run.arm_load import sheet_load
+from dualbend.run.known_sheet import known_sheet
+from dualbend.run.runner import BendingRun
+from dualbend.run.scenario import load_scenario
+from dualbend.scene.arm_catalog import JOINT_COUNT
+
+SHORT = (
+    "path.end_rad=0.2",
+    "motion.speed_rad_per_s=0.4",
+    "motion.hold_s=0.1",
+    "motion.settle_s=0.3",
+)
+
+
+@pytest.mark.parametrize(
+    "arms",
+    [
+        ("arm.model=ur5",),
+        ("arm.model=ur10",),
+        ("arm.model=panda",),
+        ("arm.model=xarm7",),
+        ("arm.left=puma560", "arm.right=ur5"),
+    ],
+)
+def test_a_shortened_run_completes(arms: tuple[str, ...]) -> None:
+    run = BendingRun(load_scenario("fig8", [*arms, *SHORT]))
+    result = run.run()
+    assert result.outcome == "completed", result.reason
+    position, rotation = ik_residuals(result)
+    assert position < 1e-6  # discretisation-limited: the solver's tolerance is 1e-7
+    assert rotation < 1e-6
+    columns = [name for name, _ in result.trace.columns if "_q_joint" in name]
+    assert len(columns) == run.cell.arms.count
+    # Both arms hold the sheet level, whatever they are: each carries half of its weight.
+    weight = result.scenario.sheet.sheet().mass_kg * 9.81
+    vertical = -(result.trace["left_true_force_z"] + result.trace["right_true_force_z"])
+    settled = vertical[result.trace["phase"] == 0][-3:]
+    np.testing.assert_allclose(settled, weight, rtol=0.02)  # analytic but for what still swings
+    room = summary(result)["arms"]
+    assert room["left"]["arm"] == run.cell.arms.left.model.name
+    assert room["left"]["room_deg"] >= 5.0
+
+
+def test_a_written_scenario_makes_the_run_again() -> None:
+    result = BendingRun(load_scenario("fig6", ["arm.model=panda", *SHORT])).run()
+    import tomllib
+
+    import msgspec
+
+    from dualbend.run.scenario import Scenario
+
+    again = msgspec.convert(tomllib.loads(result.scenario.to_toml()), Scenario)
+    assert again == result.scenario
+    second = BendingRun(again).run()
+    np.testing.assert_array_equal(
+        second.trace["left_true_moment_y"], result.trace["left_true_moment_y"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (["sheet.thickness_m=0.002"], r"panda_joint\d needs \d+\.\d N m, its limit is 12\.0"),
+        (
+            [
+                *("sheet.thickness_m=0.0028", "sheet.young_pa=1e8", "sheet.width_m=0.3"),
+                "sheet.density_kg_per_m3=25000",
+            ],
+            r"0\.85 kg and its share of the sheet 4\.20 kg are above its payload of 3 kg",
+        ),
+    ],
+)
+def test_an_arm_that_is_too_weak_is_refused_with_both_numbers(
+    settings: list[str], words: str
+) -> None:
+    scenario = load_scenario("fig6", ["arm.model=panda", "sheet.width_m=0.4", *settings])
+    with pytest.raises(InputError, match=words):
+        BendingRun(scenario)
+
+
+def test_the_load_is_what_the_sheet_asks_for() -> None:
+    """Golden: the rod oracle's first peak of 0.40 EI/L and up to 25 EI/L² on 0.2 rad."""
+    scenario = load_scenario("fig6")
+    sheet = scenario.sheet.sheet()
+    force, weight, moment = sheet_load(scenario)
+    unit = sheet.bending_stiffness_nm2 / sheet.length_m
+    assert force * sheet.length_m / unit == pytest.approx(25.0, rel=0.06)
+    assert moment / unit == pytest.approx(0.4, rel=0.02)
+    assert weight == pytest.approx(0.5 * sheet.mass_kg * 9.81, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("arm.model=ur55", r"arm\.model = 'ur55': must be one of .*'ur5'"),
+        ("arm.right=puma", r"arm\.right = 'puma': must be one of .*'puma560'"),
+        ("cell.home_rad=[0,0,0,0,0,0,0]", r"cell\.home_rad has 7 values.*'puma560' has 6"),
+    ],
+)
+def test_bad_arms_are_refused_with_the_choices(setting: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        load_scenario("fig6", [setting])
+
+
+def test_seven_stiffnesses_for_seven_joints() -> None:
+    seven = "servo.stiffness_n_m_per_rad=[1e4,1e4,1e4,1e4,2e3,2e3,2e3]"
+    with pytest.raises(InputError, match=r"has 7 values, the left arm 'puma560' has 6 joints"):
+        load_scenario("fig6", [seven])
+    assert load_scenario("fig6", [seven, "arm.model=panda"]).servo.stiffness_n_m_per_rad
+
+
+def test_what_is_computed_of_one_arm_refuses_a_mixed_pair() -> None:
+    with pytest.raises(InputError, match=r"two of a kind.*puma560 on the left and ur5"):
+        known_sheet(load_scenario("tuned", ["arm.right=ur5"]))
+
+
+def test_the_table_has_all_arms_with_their_ratings() -> None:
+    rows = arm_table()
+    assert [row["name"] for row in rows] == list(JOINT_COUNT)
+    text, page = table_text(rows), table_markdown(rows)
+    for row in rows:
+        assert row["payload_kg"] > 0.0
+        assert row["source"]
+        assert row["grade"]
+        assert row["name"] in text
+        assert f"`{row['name']}`" in page
+
+
+def test_each_arm_is_judged_in_a_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
+    from dualbend.run import arm_list
+
+    monkeypatch.setattr(arm_list, "JOINT_COUNT", {"puma560": 6, "z1": 6})
+    puma, z1 = judge_arms("fig6")
+    assert puma["room"]["left"]["room_deg"] > 5.0
+    assert "base 1.050 m behind" in verdict_text(puma)
+    assert "misses one by" in verdict_text(z1)
