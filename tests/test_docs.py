@@ -120,7 +120,9 @@ def test_every_example_runs(
 def test_no_example_is_left_out() -> None:
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
-        unmarked = text.count("```python") - len(re.findall(r"<!-- run: python[^>]*-->", text))
+        unmarked = text.count("```python") - len(
+            re.findall(r"<!-- (?:run: python[^>]*|example: tested) -->\n```python", text)
+        )
         assert unmarked == 0, f"{page.name}: a Python example without a mark is not run"
 
 
