@@ -47,8 +47,8 @@ def report(runs: tuple[Path, ...], out: Path | None) -> None:
 def figures(out: Path, settings: tuple[str, ...]) -> None:
     """Make the paper's three figures from nothing.
 
-    Figs. 6, 8 and 9: runs fig6, fig8 and fig9 and leaves each figure and all beside each other as PNG and SVG, and
-    the report of the three runs.
+    Figs. 6, 8 and 9: runs fig6, fig8 and fig9 and leaves each figure and all beside each other as
+    PNG and SVG, and the report of the three runs.
     """
     from dualbend.analysis.figures_paper import make_figures
     from dualbend.analysis.report import PAPER_FIGURES
