@@ -241,6 +241,24 @@ def test_a_refusal_is_an_outcome() -> None:
     assert [f.metric for f in compare(baseline_of(ran), [refused]).failures] == ["outcome"]
 
 
+def test_a_fault_of_the_program_ends_one_scenario_and_no_update_keeps_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise ZeroDivisionError("of its own")
+
+    monkeypatch.setattr("dualbend.analysis.check_run.make_run", fails)
+    crashed = measure("fig6")
+    assert (crashed.outcome, crashed.reason) == ("crashed", "ZeroDivisionError: of its own")
+    (failure,) = judge(measured(), msgspec.structs.replace(crashed, name="x")).failures
+    assert "ZeroDivisionError: of its own" in check_report.sentence(failure)
+    monkeypatch.setattr("dualbend.analysis.check.measure_all", lambda *_: [crashed])
+    file = tmp_path / "baseline.json"
+    with pytest.raises(InputError, match=r"not written: fig6 .* crashed"):
+        check(["fig6"], file, update=True)
+    assert not file.exists()
+
+
 def test_every_peak_is_found_in_its_row() -> None:
     settings = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
     result = BendingRun(load_scenario("fig9", settings)).run()

@@ -19,10 +19,13 @@ from dualbend.errors import InputError
 
 DEFAULT_FILE = Path("baseline.json")
 
-EndedAs = Literal["completed", "aborted", "protective_stop", "failed", "refused"]
+EndedAs = Literal["completed", "aborted", "protective_stop", "failed", "refused", "crashed"]
 
 REFUSED: Literal["refused"] = "refused"
 """Outcome of a scenario that cannot be made ready to run, e.g. by the assembly's planner."""
+
+CRASHED: Literal["crashed"] = "crashed"
+"""Outcome of a scenario on which the program itself failed; no baseline holds it."""
 
 _LINE_DEPTH = 4
 """In the file, scenarios / name / metrics / name: what is below is on one line."""

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from dualbend.analysis.baseline import (
+    CRASHED,
     Baseline,
     Entry,
     Gate,
@@ -56,6 +57,9 @@ def check(
             f"add it: dualbend check {' '.join(strangers)} --baseline {path} --update"
         )
     verdicts = compare(baseline, measured)
+    crashed = [f"{one.name} ({one.reason})" for one in measured if one.outcome == CRASHED]
+    if update and crashed:
+        raise InputError(f"{path}: not written: {', '.join(crashed)} crashed")
     if update:
         write_baseline(updated(baseline, measured, path), path)
     return verdicts

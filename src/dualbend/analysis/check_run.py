@@ -3,30 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
 import os
-import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from multiprocessing.process import BaseProcess
+from collections.abc import Callable, Sequence
 
 import msgspec
 
-from dualbend.analysis.baseline import REFUSED, EndedAs
+from dualbend.analysis.baseline import CRASHED, REFUSED, EndedAs
 from dualbend.analysis.fingerprint import model_fingerprint
 from dualbend.analysis.metrics import Metric, assembly_metrics, compute_metrics, versions
 from dualbend.analysis.peaks import Place, last_place, peak_places
+from dualbend.analysis.study import WorkerDiedError, in_processes
 from dualbend.analysis.tolerances import WALL_CLOCK
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.run.scenario import Scenario, load_scenario
-
-_THREADS = (
-    *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"),
-    *("VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS"),
-)
 
 _NOT_OF_A_RESULT = ("rerun-sdk",)
 
@@ -70,10 +60,16 @@ def measure(source: str) -> Measured:
         versions={k: v for k, v in versions().items() if k not in _NOT_OF_A_RESULT},
     )
     try:
-        run = make_run(scenario)
+        return _measure_run(scenario, measured)
     except InputError as refusal:
         return msgspec.structs.replace(measured, reason=str(refusal))
-    result = run.run()
+    except Exception as fault:
+        reason = f"{type(fault).__name__}: {fault}"
+        return msgspec.structs.replace(measured, outcome=CRASHED, reason=reason)
+
+
+def _measure_run(scenario: Scenario, measured: Measured) -> Measured:
+    result = make_run(scenario).run()
     if result.reason.startswith("interrupted"):
         raise KeyboardInterrupt
     metrics = assembly_metrics(result) if measured.assembly else compute_metrics(result)
@@ -109,24 +105,22 @@ def measure_all(
         A scenario cannot be read, two have one name, or a process died.
     """
     refuse_doubles(sources)
-    context = multiprocessing.get_context("spawn")
-    count = min(workers or os.cpu_count() or 1, max(len(sources), 1))
-    with _one_thread_each():
-        others = set(multiprocessing.active_children())
-        pool = ProcessPoolExecutor(count, mp_context=context, initializer=_ignore_interrupts)
-        try:
-            futures = {pool.submit(measure, source): source for source in sources}
-            for future in as_completed(futures):
-                on_done(future.result())
-        except BrokenProcessPool as error:
-            raise InputError(
-                f"a process was ended from outside, by too little memory perhaps: try --workers 1 "
-                f"({error})"
-            ) from error
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-            _end(set(multiprocessing.active_children()) - others)
-    return [future.result() for future in futures]
+    found = {}
+    try:
+        for source, measured in in_processes(
+            [(source,) for source in sources], _measure_one, workers or os.cpu_count() or 1
+        ):
+            found[source] = measured
+            on_done(measured)
+    except WorkerDiedError as error:
+        raise InputError(
+            "a process was ended from outside, by too little memory perhaps: try --workers 1"
+        ) from error
+    return [found[source] for source in sources]
+
+
+def _measure_one(source: str) -> tuple[str, Measured]:
+    return source, measure(source)
 
 
 def refuse_doubles(sources: Sequence[str]) -> None:
@@ -140,31 +134,3 @@ def refuse_doubles(sources: Sequence[str]) -> None:
                 "a baseline tells scenarios apart by their names"
             )
         found[name] = source
-
-
-def _ignore_interrupts() -> None:
-    """Leave the interrupt of the terminal, which all processes get, to the one that waits."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _end(processes: Iterable[BaseProcess]) -> None:
-    """End processes without waiting for what nobody asks for any more."""
-    for process in processes:
-        process.terminate()
-    for process in processes:
-        process.join()
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Let processes that start now use one thread each: small matrices, shared cores."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
