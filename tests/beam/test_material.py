@@ -102,14 +102,15 @@ def test_moment_is_the_integral_of_the_stress(name: str) -> None:
     found = find_material(name)
     section = of_material(found)
     limit, r = found.yield_pa / found.young_pa, found.tangent_pa / found.young_pa  # type: ignore[operator]
-    z, weight = np.polynomial.legendre.leggauss(2000)
+    places = 20_000
+    z = (np.arange(places) + 0.5) / places * 2.0 - 1.0
     for ratio in (0.7, 1.5, 6.0):
         curvature = ratio * section.first_yield(T_M)
         strain = curvature * z * T_M / 2.0
         over = np.maximum(np.abs(strain) - limit, 0.0)
         stress = strain - np.sign(strain) * (1.0 - r) * over  # over E
-        moment = 1.5 * float(weight @ (stress * z)) / (T_M / 2.0)
-        # Quadrature-limited: the kink at yield costs (2000)⁻² of the moment.
+        moment = 1.5 * float(2.0 / places * (stress @ z)) / (T_M / 2.0)
+        # Quadrature-limited: the mid-point rule, 20000⁻² of the moment.
         assert float(section.moment(np.array([curvature]), T_M)[0]) == pytest.approx(
             moment, rel=1e-5
         )

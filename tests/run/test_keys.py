@@ -94,8 +94,12 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
 
     assert full.assembly is not None
     assert full.assembly.compliance is not None
+    # An assembly has errors of its own, so misalignment is in no scenario beside it.
+    crooked = load_scenario("fig6", ["misalignment={left={},right={}}"]).misalignment
+    held = walk(msgspec.to_builtins(full), "") - {"misalignment"}
+    held |= walk(msgspec.to_builtins(crooked), "misalignment.")
     named = {".".join((*s.path, key.name)) for s in sections() for key in s.keys}
-    assert named == walk(msgspec.to_builtins(full), "")
+    assert named == held
 
 
 def test_every_key_says_what_it_is() -> None:
@@ -228,10 +232,15 @@ def test_a_new_scenario_names_every_key_and_hides_the_defaults() -> None:
             assert defaults[name] is REQUIRED or defaults[name] != value
 
 
-def test_what_is_switched_on_by_its_header_loads(tmp_path: Path) -> None:
-    """A section that is off holds values that load when all its comment signs go."""
+@pytest.mark.parametrize("left_off", ["assembly", "misalignment"])
+def test_what_is_switched_on_by_its_header_loads(left_off: str, tmp_path: Path) -> None:
+    """A section that is off holds values that load when all its comment signs go.
+
+    Of two sections that exclude each other, one stays off.
+    """
     text = re.sub(r"^#(?=\[)", "", scenario_text("mine"), flags=re.MULTILINE)
     text = re.sub(HIDDEN, "", text, flags=re.MULTILINE)
+    text = re.sub(rf"^\[{left_off}.*\n(?:(?!\[).*\n)*", "", text, flags=re.MULTILINE)
     # A schedule, which is among them, has units of its own.
     text = text.replace('units = "paper"', 'units = "sheet"')
     path = tmp_path / "mine.toml"
@@ -239,7 +248,8 @@ def test_what_is_switched_on_by_its_header_loads(tmp_path: Path) -> None:
     found = load_scenario(str(path))
     assert found.compliance.x is not None
     assert found.compliance.rotation is not None
-    assert found.assembly is not None
+    assert (found.assembly is None) == (left_off == "assembly")
+    assert (found.misalignment is None) == (left_off == "misalignment")
 
 
 def test_the_schema_line_prefers_the_file_beside(tmp_path: Path) -> None:
