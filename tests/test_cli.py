@@ -246,3 +246,20 @@ def test_a_run_tells_what_is_predicted_before_it_starts(
     assert result.exit_code == 0, result.output
     assert result.stderr.startswith(words)
     assert ("predicted" in result.stderr) == bool(words)
+
+
+def test_what_cannot_be_predicted_runs_all_the_same(tmp_path: Path) -> None:
+    """The loop's prediction is of two arms of a kind; a mixed pair complies without it."""
+    settings = (
+        "arm.right=ur5",
+        "motion.speed_rad_per_s=1.0",
+        "path.end_rad=0.3",
+        "motion.hold_s=0.1",
+    )
+    pairs = [part for setting in settings for part in ("--set", setting)]
+    done = CliRunner().invoke(
+        main, ["run", "fig8", *pairs, "--no-record", "--out", str(tmp_path / "mixed")]
+    )
+    assert done.exit_code == 0, done.output
+    assert "stability not predicted" in done.stderr
+    assert (tmp_path / "mixed" / "trace.parquet").is_file()

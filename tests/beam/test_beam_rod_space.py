@@ -6,22 +6,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation
+from sheets import STRIP
 
 from dualbend.beam import elastica, rod
 from dualbend.beam.rod_space import RodStiffness, SpaceGrip, SpaceState, solve_space
-from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 
-SHEET = Sheet(
-    length_m=0.4,
-    width_m=0.057,
-    thickness_m=0.0005,
-    young_pa=70.3e9,
-    poisson_ratio=0.33,
-    density_kg_per_m3=2680,
-)
-L, WEIGHT = SHEET.length_m, SHEET.weight_per_length_n_per_m
-GIVING, STRIPS = RodStiffness.of(SHEET), RodStiffness.of(SHEET, in_plane=False)
+L, WEIGHT = STRIP.length_m, STRIP.weight_per_length_n_per_m
+GIVING, STRIPS = RodStiffness.of(STRIP), RodStiffness.of(STRIP, in_plane=False)
 
 
 def grip(x: float, y: float, pitch: float, roll: float = 0.0, yaw: float = 0.0) -> SpaceGrip:
@@ -31,7 +23,7 @@ def grip(x: float, y: float, pitch: float, roll: float = 0.0, yaw: float = 0.0) 
 
 def bent(alpha: float, roll: float = 0.0, yaw: float = 0.0, y: float = 0.0) -> SpaceState:
     x = float(elastica.half_distance(alpha, L))
-    plane = rod.solve_symmetric(SHEET.bending_stiffness_nm2, L, alpha, x, WEIGHT)
+    plane = rod.solve_symmetric(STRIP.bending_stiffness_nm2, L, alpha, x, WEIGHT)
     guess = np.array([-plane.end_force_n, 0, plane.left.force_z_n, 0, plane.end_moment_nm, 0])
     return solve_space(STRIPS, L, grip(-x, 0, alpha), grip(x, y, -alpha, roll, yaw), guess, WEIGHT)
 
@@ -39,7 +31,7 @@ def bent(alpha: float, roll: float = 0.0, yaw: float = 0.0, y: float = 0.0) -> S
 @pytest.mark.parametrize("alpha", [0.1, 0.5, 1.0])
 def test_between_grips_in_a_plane_it_is_the_plane_rod(alpha: float) -> None:
     x = float(elastica.half_distance(alpha, L)) + 0.0002
-    plane = rod.solve_symmetric(SHEET.bending_stiffness_nm2, L, alpha, x, WEIGHT)
+    plane = rod.solve_symmetric(STRIP.bending_stiffness_nm2, L, alpha, x, WEIGHT)
     # From a guess that is 5 % off.
     guess = 1.05 * np.array(
         [-plane.end_force_n, 0, plane.left.force_z_n, 0, plane.end_moment_nm, 0]
@@ -65,7 +57,7 @@ def test_a_straight_rod_has_the_textbook_stiffnesses() -> None:
     ]
     lateral = GIVING.lateral_nm2
     # Analytic, for small angles: the next terms are of relative size 1e-6 here.
-    assert loads[0][3] == pytest.approx(SHEET.torsional_stiffness_nm2 * turned / L, rel=1e-5)
+    assert loads[0][3] == pytest.approx(STRIP.torsional_stiffness_nm2 * turned / L, rel=1e-5)
     assert loads[1][1] == pytest.approx(12 * lateral / L**3 * shifted, rel=1e-5)
     assert loads[1][5] == pytest.approx(6 * lateral / L**2 * shifted, rel=1e-5)
     assert loads[2][1] == pytest.approx(-6 * lateral / L**2 * yawed, rel=1e-5)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
+from dualbend.errors import InputError
 from dualbend.run.runner import BendingRun
 from dualbend.run.scenario import load_scenario
 
@@ -34,3 +35,9 @@ def test_it_runs_in_the_cell_and_the_grippers_carry_it() -> None:
     ratio = trace["left_true_force_x"][settled] / strips.trace["left_true_force_x"][settled]
     assert 1.0 < ratio < 1.0 / (1.0 - sheet.poisson_ratio**2) + 0.03
     assert np.isfinite(trace.qpos).all()
+
+
+def test_no_file_can_hold_it() -> None:
+    run = BendingRun(load_scenario("fig6", [*BRIEF, *COARSE]))
+    with pytest.raises(InputError, match=r'sheet.model = "shell": .* export "strips"'):
+        run.scene_xml()

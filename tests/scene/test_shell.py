@@ -5,10 +5,10 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from sheets import STRIP
 
 from dualbend.analysis.validation_shell import settle, shell_config
 from dualbend.beam import elastica, rod
-from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 from dualbend.run.scenario import load_scenario
 from dualbend.scene.shell import (
@@ -23,35 +23,27 @@ from dualbend.scene.shell import (
     set_elasticity,
 )
 
-SHEET = Sheet(
-    length_m=0.4,
-    width_m=0.057,
-    thickness_m=0.0005,
-    young_pa=70.3e9,
-    poisson_ratio=0.33,
-    density_kg_per_m3=2680,
-)
 CONFIG = ShellConfig(cells_along=12, cells_across=5)
-NU = SHEET.poisson_ratio
-D = SHEET.bending_stiffness_nm2 / SHEET.width_m / (1 - NU**2)
+NU = STRIP.poisson_ratio
+D = STRIP.bending_stiffness_nm2 / STRIP.width_m / (1 - NU**2)
 
 
 @pytest.mark.parametrize(
     ("x", "y", "xy"), [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, -NU, 0), (1, 1, 0.5)]
 )
 def test_the_hinges_store_the_energy_of_kirchhoffs_plate(x: float, y: float, xy: float) -> None:
-    s, rows = column_arcs(SHEET, CONFIG), row_places(SHEET, CONFIG)
-    X, Y = np.meshgrid(s - SHEET.length_m / 2, rows, indexing="ij")
+    s, rows = column_arcs(STRIP, CONFIG), row_places(STRIP, CONFIG)
+    X, Y = np.meshgrid(s - STRIP.length_m / 2, rows, indexing="ij")
     # Across, as a chain that folds by κ_y times a cell at each inner row.
-    cell = SHEET.width_m / CONFIG.cells_across
-    slopes = y * (cell * np.arange(len(rows) - 1) - SHEET.width_m / 2)
+    cell = STRIP.width_m / CONFIG.cells_across
+    slopes = y * (cell * np.arange(len(rows) - 1) - STRIP.width_m / 2)
     across = np.concatenate(([0.0], np.cumsum(slopes * np.diff(rows))))
     z = 0.5 * x * X**2 + across + xy * X * Y
     energy = sum(
         0.5 * h.stiffness * sum(w * z[v] for w, v in zip(h.weights, h.vertices, strict=True)) ** 2
-        for h in hinges(SHEET, CONFIG)
+        for h in hinges(STRIP, CONFIG)
     )
-    area = SHEET.length_m * SHEET.width_m
+    area = STRIP.length_m * STRIP.width_m
     bending = 0.5 * D * (x**2 + y**2 + 2 * NU * x * y) * area
     # The twist cells end at the grips' columns; the outermost two stand for half a cell more,
     # which a uniform twist fills only in part: (N - 1) - 2 + 2 / 1.5 of N cells.
@@ -61,10 +53,10 @@ def test_the_hinges_store_the_energy_of_kirchhoffs_plate(x: float, y: float, xy:
 
 
 def test_the_hinges_do_not_resist_a_plane() -> None:
-    s, rows = column_arcs(SHEET, CONFIG), row_places(SHEET, CONFIG)
+    s, rows = column_arcs(STRIP, CONFIG), row_places(STRIP, CONFIG)
     X, Y = np.meshgrid(s, rows, indexing="ij")
     z = 0.3 + 2.0 * X - 5.0 * Y
-    for h in hinges(SHEET, CONFIG):
+    for h in hinges(STRIP, CONFIG):
         folded = sum(w * z[v] for w, v in zip(h.weights, h.vertices, strict=True))
         # Analytic: rounding, of weights up to 1e5.
         assert folded == pytest.approx(0.0, abs=1e-9)
@@ -82,8 +74,8 @@ def test_a_cell_stores_the_energy_of_plane_stress(strain: tuple[float, float, fl
             for a, b in pairs
         ]
     )
-    energy = 0.5 * growth @ membrane_form(SHEET, hx, hy) @ growth
-    E, t = SHEET.young_pa, SHEET.thickness_m
+    energy = 0.5 * growth @ membrane_form(STRIP, hx, hy) @ growth
+    E, t = STRIP.young_pa, STRIP.thickness_m
     plane = E / (1 - NU**2) * (x**2 + y**2 + 2 * NU * x * y) + E / (2 * (1 + NU)) * shear**2
     # Analytic, for small strain: the next terms are of relative size 1e-6.
     assert energy == pytest.approx(0.5 * plane * t * hx * hy, rel=1e-5)
@@ -93,9 +85,9 @@ def test_what_the_compiled_model_feels_is_what_was_written() -> None:
     spec = mujoco.MjSpec()
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     prepare_for_shell(spec)
-    add_shell(spec, SHEET, CONFIG, np.zeros(3))
+    add_shell(spec, STRIP, CONFIG, np.zeros(3))
     model = spec.compile()
-    set_elasticity(model, SHEET, CONFIG)
+    set_elasticity(model, STRIP, CONFIG)
     data = mujoco.MjData(model)
     columns, rows = CONFIG.cells_along, CONFIG.cells_across + 2
     first = model.joint("sheet_vertex_002_00_x").qposadr[0]
@@ -106,7 +98,7 @@ def test_what_the_compiled_model_feels_is_what_was_written() -> None:
     free[..., 2] = z[2:-2]
     mujoco.mj_forward(model, data)
     force = np.zeros_like(z)
-    for h in hinges(SHEET, CONFIG):
+    for h in hinges(STRIP, CONFIG):
         at = tuple(np.array(h.vertices).T)
         np.add.at(
             force, at, -h.stiffness * float(np.array(h.weights) @ z[at]) * np.array(h.weights)
@@ -120,15 +112,15 @@ def test_what_the_compiled_model_feels_is_what_was_written() -> None:
 
 def test_the_vertices_stand_for_the_whole_sheet() -> None:
     spec = mujoco.MjSpec()
-    add_shell(spec, SHEET, CONFIG, np.zeros(3))
+    add_shell(spec, STRIP, CONFIG, np.zeros(3))
     model = spec.compile()
     # Analytic.
-    assert model.body_mass.sum() == pytest.approx(SHEET.mass_kg, rel=1e-12)
-    assert row_shares(SHEET, CONFIG).sum() == pytest.approx(SHEET.width_m, rel=1e-12)
+    assert model.body_mass.sum() == pytest.approx(STRIP.mass_kg, rel=1e-12)
+    assert row_shares(STRIP, CONFIG).sum() == pytest.approx(STRIP.width_m, rel=1e-12)
 
 
 def test_bent_to_a_cylinder_it_is_the_plate() -> None:
-    sheet = replace(SHEET, poisson_ratio=0.0)
+    sheet = replace(STRIP, poisson_ratio=0.0)
     half = float(elastica.half_distance(0.6, sheet.length_m)) + 1e-3
     found = settle(sheet, shell_config(20, 2), 0.6, half)
     wanted = rod.solve_symmetric(sheet.bending_stiffness_nm2, sheet.length_m, 0.6, half)

@@ -16,7 +16,7 @@ from dualbend.run.scenario import Scenario
 REFUSED, RAISED = "refused", "error"
 """Outcomes beside those of a run: it cannot be made ready, or is broken."""
 
-_NOT_OF_A_RESULT = ("python", "rerun-sdk")
+_MAY_DIFFER = ("python", "rerun-sdk")
 
 
 class RunRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -63,4 +63,4 @@ def _metrics(result: RunResult) -> dict[str, Metric]:
 
 def result_versions() -> dict[str, str]:
     """Return the versions that must be the same wherever a sweep's runs are made."""
-    return {name: v for name, v in versions().items() if name not in _NOT_OF_A_RESULT}
+    return {name: v for name, v in versions().items() if name not in _MAY_DIFFER}

@@ -103,7 +103,10 @@ class PathPrediction:
         """Return the largest |moment| of each piece of the path [N m]; None: no compliance."""
         moment = self._moments(admittance, noise)
         pieces = range(int(self._piece.max()) + 1)
-        return np.array([np.abs(moment[self._bend & (self._piece == k)]).max() for k in pieces])
+        # A piece that is shorter than a cycle has no row: no moment is known of it.
+        return np.array(
+            [np.abs(moment[self._bend & (self._piece == k)]).max(initial=0.0) for k in pieces]
+        )
 
     def _moments(self, admittance: Admittance | None, noise: Vector) -> Vector:
         if admittance is None:

@@ -22,6 +22,7 @@ from dualbend.cli.common import (
 if TYPE_CHECKING:
     from dualbend.run.recording_live import LiveRecording
     from dualbend.run.runner import Run, RunResult
+    from dualbend.run.scenario import Scenario
 
 
 @click.command(
@@ -60,7 +61,6 @@ def run(
         _which_scenario(asked=not _any_given())
         return
     from dualbend.analysis.sheet_report import sheet_report, sheet_warning
-    from dualbend.analysis.stability import predict
     from dualbend.run.make import make_run
     from dualbend.run.output import prepare_folder, trace_kept, uninterrupted
     from dualbend.run.scenario import load_scenario
@@ -73,14 +73,7 @@ def run(
     about = sheet_warning(sheet_report(loaded))
     if about:
         click.echo(f"warning: {loaded.name}: {about}", err=True)
-    prediction = predict(loaded)
-    if prediction.rows:
-        warning = "" if prediction.verdict == "stable" else "warning: "
-        click.echo(
-            f"{warning}{loaded.name}: compliance predicted {prediction.verdict} "
-            f"({prediction.reason})",
-            err=True,
-        )
+    _tell_stability(ready.scenario)
     with (
         click.progressbar(
             length=ready.cycles,
@@ -107,6 +100,26 @@ def run(
         sys.exit(EXIT_BAD_INPUT)
     if not result.expected:
         sys.exit(EXIT_UNEXPECTED)
+
+
+def _tell_stability(scenario: Scenario) -> None:
+    """Say what is predicted of the loop; what cannot be predicted may run all the same."""
+    from dualbend.analysis.stability import predict
+    from dualbend.errors import InputError
+
+    try:
+        prediction = predict(scenario)
+    except InputError as error:
+        click.echo(f"{scenario.name}: stability not predicted: {error}", err=True)
+        return
+    if prediction.rows:
+        warning = "" if prediction.verdict == "stable" else "warning: "
+        elastic = ", of the sheet before it yields" if scenario.sheet.plastic else ""
+        click.echo(
+            f"{warning}{scenario.name}: compliance predicted {prediction.verdict}{elastic} "
+            f"({prediction.reason})",
+            err=True,
+        )
 
 
 def _live(

@@ -168,7 +168,18 @@ class Run:
         )
 
     def scene_xml(self) -> str:
-        """Return the composed MJCF, with the start of the run as key frame ``start``."""
+        """Return the composed MJCF, with the start of the run as key frame ``start``.
+
+        Raises
+        ------
+        InputError
+            The sheet is a shell, whose elasticity no MJCF can hold.
+        """
+        if self.scenario.sheet.model == "shell":
+            raise InputError(
+                'sheet.model = "shell": its elasticity is written after compilation, no MJCF file '
+                'can hold it; export "strips"'
+            )
         self.start()
         spec, data = self.cell.spec.copy(), self.cell.simulation.data
         spec.add_key(name="start", qpos=data.qpos.copy(), ctrl=data.ctrl.copy())
