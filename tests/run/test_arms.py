@@ -143,3 +143,24 @@ def test_each_arm_is_judged_in_a_scenario(monkeypatch: pytest.MonkeyPatch) -> No
     assert puma["room"]["left"]["room_deg"] > 5.0
     assert "base 1.050 m behind" in verdict_text(puma)
     assert "misses one by" in verdict_text(z1)
+
+
+def test_arms_that_stand_differently_are_judged_as_a_pair_of_one_kind(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Analytic: an arm of one side gives way; the line has the left base and the worse room."""
+    from dualbend.run import arm_list
+
+    monkeypatch.setattr(arm_list, "JOINT_COUNT", {"ur5": 6})
+    (row,) = judge_arms("fig6", ["arm.right=panda", "cell.left.base_height_m=0.6"])
+    rooms = row["room"]
+    assert [rooms[side]["arm"] for side in ("left", "right")] == ["ur5", "ur5"]
+    assert row["cell"]["base_distance_m"] is None
+    text = verdict_text(row)
+    assert "left base" in text
+    assert " 0.600 m up" in text
+    worse = min(rooms["left"]["manipulability"], rooms["right"]["manipulability"])
+    assert rooms["left"]["manipulability"] > worse + 0.01  # else the line would say nothing
+    assert f"manipulability {worse:.2f}, " in text
+    tight = min(rooms["left"]["room_deg"], rooms["right"]["room_deg"])
+    assert f"{tight:.0f} degrees of room" in text
