@@ -43,8 +43,8 @@ from dualbend.task.misalignment import SHORTEST_SETTLE_S, MisalignmentConfig
 _ALTERNATIVES = ("interval_rad", "pieces")
 """Keys of a path that say the same thing: giving one takes the other back."""
 
-_REPLACES = re.compile(r"^\s*([\w.]+\.kind|sheet\.material|sheet\.layers|arm\.\w+)\s*=")
-"""Settings that take back what the section had."""
+_REPLACES = (("sheet", "material"), ("sheet", "layers"))
+"""Keys that take back what the section had, as any ``kind`` and all of the arms do."""
 
 Outcome = Literal["completed", "aborted", "protective_stop", "failed"]
 
@@ -374,16 +374,37 @@ def resolve_scenario(
     """Return the scenario of tables with settings applied; ``source`` is named in messages."""
     data = dict(tables)
     # A new kind, material or arm takes back what the one before had: it comes first, the others
-    # stay.
-    for setting in sorted(settings, key=_comes_late):
-        data = _apply(data, setting)
+    # stay, in the order given.
+    given = [(setting, *_split(_table_of(setting))) for setting in settings]
+    for setting, table in [
+        *((setting, early) for setting, early, _ in given),
+        *((setting, late) for setting, _, late in given),
+    ]:
+        if table:
+            _refuse_values_as_sections(data, setting)
+            data = _merge(data, table)
     if seed is not None:
         data["seed"] = seed
     return _convert(data, source)
 
 
-def _comes_late(setting: str) -> bool:
-    return not _REPLACES.search(setting)
+def _split(
+    table: Mapping[str, Any], path: tuple[str, ...] = ()
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what of a setting takes back what a section had, and the rest."""
+    early: dict[str, Any] = {}
+    late: dict[str, Any] = {}
+    for key, value in table.items():
+        where = (*path, key)
+        if path and (key == "kind" or path[0] == "arm" or where in _REPLACES):
+            early[key] = value
+        elif isinstance(value, dict) and value:
+            for part, inner in zip((early, late), _split(value, where), strict=True):
+                if inner:
+                    part[key] = inner
+        else:
+            late[key] = value
+    return early, late
 
 
 def parse_scenario(text: str, source: str) -> Scenario:
@@ -484,23 +505,32 @@ def _merge(
     return merged
 
 
-def _apply(data: dict[str, Any], setting: str) -> dict[str, Any]:
-    key, equals, text = setting.partition("=")
-    names = key.strip().split(".")
+def _table_of(setting: str) -> dict[str, Any]:
+    """Return the tables that ``path.to.key=value`` stands for."""
+    names = _names_of(setting)
+    _, equals, text = setting.partition("=")
     if not equals or not all(names) or len(names) > 10:
         raise InputError(f"--set {setting}: needs path.to.key=value, e.g. alter.delay_cycles=2")
+    value: Any
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         value = _number_or_text(text.strip())
+    for name in reversed(names[1:]):
+        value = {name: value}
+    return {names[0]: value}
+
+
+def _names_of(setting: str) -> list[str]:
+    return setting.partition("=")[0].strip().split(".")
+
+
+def _refuse_values_as_sections(data: Mapping[str, Any], setting: str) -> None:
     table: object = data
-    for name in names[:-1]:
+    for name in _names_of(setting)[:-1]:
         table = table.get(name, {}) if isinstance(table, dict) else None
         if not isinstance(table, dict):
             raise InputError(f"--set {setting}: {name!r} is a value, not a section")
-    for name in reversed(names):
-        value = {name: value}
-    return _merge(data, value)
 
 
 def _number_or_text(text: str) -> float | str:
