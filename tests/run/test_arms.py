@@ -12,6 +12,7 @@ from dualbend.run.known_sheet import known_sheet
 from dualbend.run.runner import BendingRun
 from dualbend.run.scenario import load_scenario
 from dualbend.scene.arm_catalog import JOINT_COUNT
+from dualbend.task.bending import make_path
 
 SHORT = (
     "path.end_rad=0.2",
@@ -96,6 +97,20 @@ def test_the_load_is_what_the_sheet_asks_for() -> None:
     assert force * sheet.length_m / unit == pytest.approx(25.0, rel=0.06)
     assert moment / unit == pytest.approx(0.4, rel=0.02)
     assert weight == pytest.approx(0.5 * sheet.mass_kg * 9.81, rel=1e-3)
+
+
+def test_the_load_of_a_table_is_that_of_its_straight_pieces() -> None:
+    """Analytic: rows at the knots make the path of the pieces; a spline has no pieces."""
+    pieces = load_scenario("fig6")
+    path = make_path(pieces.path, pieces.sheet.length_m)
+    rows = [[a, *path.at(a)] for a in path.knots.tolist()]
+    said = f"kind='table', end_rad={pieces.path.end_rad}, table={rows}"
+    straight = load_scenario("fig6", [f"path={{{said}}}"])
+    np.testing.assert_allclose(sheet_load(straight), sheet_load(pieces), rtol=1e-12)
+    smooth = load_scenario("fig6", [f"path={{{said}, smooth=true}}"])
+    exact = load_scenario("fig6", ["path={kind='exact', end_rad=1.0}"])
+    np.testing.assert_allclose(sheet_load(smooth), sheet_load(exact), rtol=1e-12)
+    assert sheet_load(exact)[2] == 0.0
 
 
 @pytest.mark.parametrize(
