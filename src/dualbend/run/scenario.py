@@ -37,7 +37,7 @@ from dualbend.scene.cell import SIDES, CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
 from dualbend.scene.shell import ShellConfig
 from dualbend.task.assembly_config import DEFAULT_YIELD_PA, AssemblyConfig
-from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
+from dualbend.task.bending import MotionConfig, PathConfig, make_path, make_time_law
 from dualbend.task.misalignment import SHORTEST_SETTLE_S, MisalignmentConfig
 
 _ALTERNATIVES = ("interval_rad", "pieces")
@@ -273,6 +273,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             raise ValueError(
                 "sheet.plastic = true: an assembly ends where the sheet would yield; not both"
             )
+        self._refuse_unfit_table()
         self._resolve_curvature()
         law = make_time_law(self.path, self.motion)
         total = self.motion.settle_s + law.duration_s + self.motion.hold_s
@@ -309,6 +310,15 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 f"motion.settle_s = {self.motion.settle_s}: misalignment comes in while the arms "
                 f"settle and needs at least {SHORTEST_SETTLE_S} s"
             )
+
+    def _refuse_unfit_table(self) -> None:
+        """Only a table can be at odds with the sheet: the other paths are made of its length."""
+        if self.path.kind != "table":
+            return
+        try:
+            make_path(self.path, self.sheet.length_m)
+        except InputError as error:
+            raise ValueError(str(error)) from error
 
     def _refuse_joint_counts(self) -> None:
         for side in SIDES:
