@@ -295,6 +295,38 @@ def test_a_wrong_value_is_refused_by_key_and_value(
 
 
 @pytest.mark.parametrize(
+    ("scenario", "given", "words"),
+    [
+        ("pwb", ["motion.return_rad=0.1"], ["motion.return_rad = 0.1", "an assembly"]),
+        (
+            "pwb",
+            ["sheet.plastic=true", "sheet.yield_pa=3e8"],
+            ["sheet.plastic = true", "an assembly"],
+        ),
+        ("pwb", ["sheet.model=shell"], ['sheet.model = "shell"', "an assembly"]),
+        ("pwb", ["misalignment.left.roll_rad=0.1"], ["misalignment", "assembly.errors"]),
+        (
+            "fig6",
+            ["sheet.model=shell", "sheet.rigidity=width"],
+            ["sheet: ", 'rigidity = "width"', "a shell is a plate: rigidity has no say"],
+        ),
+        (
+            "fig6",
+            ["misalignment.left=none"],
+            ["misalignment.left = 'none'", "lateral_m, roll_rad, yaw_rad"],
+        ),
+        ("fig6", ["guard=none"], ["guard = 'none'", "always there", "following_error_rad"]),
+    ],
+)
+def test_what_would_say_nothing_is_refused(
+    scenario: str, given: list[str], words: list[str]
+) -> None:
+    message = refused(scenario, given)
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
     ("setting", "word"),
     [
         ("alter.delay_cycles", "path.to.key=value"),

@@ -269,10 +269,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     def __post_init__(self) -> None:
         """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""
         self._refuse_joint_counts()
-        if self.sheet.plastic and self.assembly is not None:
-            raise ValueError(
-                "sheet.plastic = true: an assembly ends where the sheet would yield; not both"
-            )
+        self._refuse_what_no_assembly_has()
         self._refuse_unfit_table()
         self._resolve_curvature()
         law = make_time_law(self.path, self.motion)
@@ -291,24 +288,32 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 f"motion.acceleration_rad_per_s2 = {self.motion.acceleration_rad_per_s2} makes a "
                 f"run of {total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
             )
-        if self.sheet.model == "shell" and self.assembly is not None:
+        if self.misalignment is not None and self.motion.settle_s < SHORTEST_SETTLE_S:
+            raise ValueError(
+                f"motion.settle_s = {self.motion.settle_s}: misalignment comes in while the arms "
+                f"settle and needs at least {SHORTEST_SETTLE_S} s"
+            )
+
+    def _refuse_what_no_assembly_has(self) -> None:
+        if self.assembly is None:
+            return
+        if self.sheet.plastic:
+            raise ValueError(
+                "sheet.plastic = true: an assembly ends where the sheet would yield; not both"
+            )
+        if self.sheet.model == "shell":
             raise ValueError(
                 'sheet.model = "shell" has no holes and no contact: an assembly needs "strips"'
             )
-        self._refuse_misplaced_misalignment()
-
-    def _refuse_misplaced_misalignment(self) -> None:
-        if self.misalignment is None:
-            return
-        if self.assembly is not None:
+        if self.misalignment is not None:
             raise ValueError(
                 "misalignment is for a sheet that is bent between two grips; "
                 "an assembly has assembly.errors"
             )
-        if self.motion.settle_s < SHORTEST_SETTLE_S:
+        if self.motion.return_rad is not None:
             raise ValueError(
-                f"motion.settle_s = {self.motion.settle_s}: misalignment comes in while the arms "
-                f"settle and needs at least {SHORTEST_SETTLE_S} s"
+                f"motion.return_rad = {self.motion.return_rad} is for a sheet that is bent between "
+                "two grips; an assembly lays it and does not go back"
             )
 
     def _refuse_unfit_table(self) -> None:
@@ -636,6 +641,9 @@ def explain(data: Mapping[str, Any], message: str, kind: object = Scenario) -> s
         text = f"must be one of {', '.join(_choices(msgspec.inspect.type_info(kind)))}"
     elif "matching regex" in text:
         text = "must begin with a letter or digit and hold only letters, digits and . _ + -"
+    elif value == UNSET and text.startswith("Expected `object"):
+        below = ", ".join(_fields_of(kind))
+        text = f"this section is always there: leave it out, or give its keys: {below}"
     shown = "" if isinstance(value, dict) or value is None else f" = {value!r}"
     return f"{keys}{shown}: {text}"
 
