@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import msgspec
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from dualbend.analysis import check_report
 from dualbend.analysis.baseline import Baseline, read_baseline, write_baseline
@@ -17,6 +18,7 @@ from dualbend.analysis.fingerprint import model_fingerprint
 from dualbend.analysis.metrics import Metric, compute_metrics
 from dualbend.analysis.peaks import Place, peak_places
 from dualbend.analysis.tolerances import Tolerance
+from dualbend.cli import main
 from dualbend.control.alter import TransportDelay
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
@@ -239,6 +241,14 @@ def test_a_refusal_is_an_outcome() -> None:
     assert compare(baseline_of(refused), [refused]).failures == []
     ran = msgspec.structs.replace(refused, outcome="completed")
     assert [f.metric for f in compare(baseline_of(ran), [refused]).failures] == ["outcome"]
+
+
+def test_the_command_says_why_a_scenario_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "baseline.json"
+    options = ["--baseline", str(file), "--update", "--workers", "1"]
+    found = CliRunner().invoke(main, ["check", "pwb-impossible", *options])
+    line = next(t for t in found.stderr.splitlines() if t.startswith("pwb-impossible: refused"))
+    assert "assembly.layout.holes.middle.along_m" in line
 
 
 def test_a_fault_of_the_program_ends_one_scenario_and_no_update_keeps_it(

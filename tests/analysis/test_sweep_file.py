@@ -223,6 +223,16 @@ def test_a_run_is_what_dualbend_run_makes_of_its_settings(tmp_path: Path) -> Non
     )
 
 
+def test_what_is_set_of_an_arm_s_stand_survives_its_arm(tmp_path: Path) -> None:
+    """Analytic: in whichever order the file has them, with dots or as tables."""
+    dotted = {"cell.base_distance_m": 1.02, "arm.model": "ur5"}
+    tables = {"cell": {"base_distance_m": 1.02}, "arm": {"model": "ur5"}}
+    for fixed in (dotted, tables):
+        sweep, _ = load(tmp_path, sample=GRID, keys=DELAY, set=fixed)
+        scenario = sweep.resolve()
+        assert (scenario.cell.base_distance_m, scenario.arm.model) == (1.02, "ur5")
+
+
 def test_the_folder_s_own_files_are_the_same_sweep(tmp_path: Path) -> None:
     """Analytic: also of a scenario that lies beside the file and extends another."""
     (tmp_path / "mine.toml").write_text('extends = "fig6"\nname = "mine"\n[alter]\nmode = "tool"\n')

@@ -12,6 +12,7 @@ from dualbend.run.known_sheet import known_sheet
 from dualbend.run.runner import BendingRun
 from dualbend.run.scenario import load_scenario
 from dualbend.scene.arm_catalog import JOINT_COUNT
+from dualbend.task.bending import make_path
 
 SHORT = (
     "path.end_rad=0.2",
@@ -98,6 +99,20 @@ def test_the_load_is_what_the_sheet_asks_for() -> None:
     assert weight == pytest.approx(0.5 * sheet.mass_kg * 9.81, rel=1e-3)
 
 
+def test_the_load_of_a_table_is_that_of_its_straight_pieces() -> None:
+    """Analytic: rows at the knots make the path of the pieces; a spline has no pieces."""
+    pieces = load_scenario("fig6")
+    path = make_path(pieces.path, pieces.sheet.length_m)
+    rows = [[a, *path.at(a)] for a in path.knots.tolist()]
+    said = f"kind='table', end_rad={pieces.path.end_rad}, table={rows}"
+    straight = load_scenario("fig6", [f"path={{{said}}}"])
+    np.testing.assert_allclose(sheet_load(straight), sheet_load(pieces), rtol=1e-12)
+    smooth = load_scenario("fig6", [f"path={{{said}, smooth=true}}"])
+    exact = load_scenario("fig6", ["path={kind='exact', end_rad=1.0}"])
+    np.testing.assert_allclose(sheet_load(smooth), sheet_load(exact), rtol=1e-12)
+    assert sheet_load(exact)[2] == 0.0
+
+
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
@@ -143,3 +158,24 @@ def test_each_arm_is_judged_in_a_scenario(monkeypatch: pytest.MonkeyPatch) -> No
     assert puma["room"]["left"]["room_deg"] > 5.0
     assert "base 1.050 m behind" in verdict_text(puma)
     assert "misses one by" in verdict_text(z1)
+
+
+def test_arms_that_stand_differently_are_judged_as_a_pair_of_one_kind(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Analytic: an arm of one side gives way; the line has the left base and the worse room."""
+    from dualbend.run import arm_list
+
+    monkeypatch.setattr(arm_list, "JOINT_COUNT", {"ur5": 6})
+    (row,) = judge_arms("fig6", ["arm.right=panda", "cell.left.base_height_m=0.6"])
+    rooms = row["room"]
+    assert [rooms[side]["arm"] for side in ("left", "right")] == ["ur5", "ur5"]
+    assert row["cell"]["base_distance_m"] is None
+    text = verdict_text(row)
+    assert "left base" in text
+    assert " 0.600 m up" in text
+    worse = min(rooms["left"]["manipulability"], rooms["right"]["manipulability"])
+    assert rooms["left"]["manipulability"] > worse + 0.01  # else the line would say nothing
+    assert f"manipulability {worse:.2f}, " in text
+    tight = min(rooms["left"]["room_deg"], rooms["right"]["room_deg"])
+    assert f"{tight:.0f} degrees of room" in text

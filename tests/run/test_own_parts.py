@@ -94,11 +94,14 @@ def test_a_table_without_its_kind_is_refused(setting: str, text: str) -> None:
     [
         ("[[0,0.4,0],[1,0.35,0.1]]", "path.table, row 1: half distance = 0.4 m"),
         ("[[0,0.2,0],[0.5,0.19,0.1]]", "path.start_rad = 0 and end_rad = 1"),
+        ("[[0,0.2,0],[0,0.19,0.1]]", "path.table: α must grow"),
     ],
 )
-def test_a_table_that_does_not_suit_the_sheet_is_refused(table: str, text: str) -> None:
-    with pytest.raises(InputError, match=text):
-        BendingRun(load_scenario("fig6", [f"path={{kind='table',table={table}}}"]))
+def test_a_table_that_does_not_suit_the_sheet_is_refused_when_it_is_read(
+    table: str, text: str
+) -> None:
+    with pytest.raises(InputError, match=rf"fig6\.toml with --set: {text}"):
+        load_scenario("fig6", [f"path={{kind='table',table={table}}}"])
 
 
 def test_the_public_names_are_there_and_no_others() -> None:

@@ -155,6 +155,40 @@ def test_the_last_setting_wins() -> None:
     assert scenario.motion.hold_s == 3.0
 
 
+@pytest.mark.parametrize(
+    ("inline", "by_key"),
+    [
+        (
+            ["cell={base_distance_m=0.9}", 'arm={model="ur5"}'],
+            ["cell.base_distance_m=0.9", "arm.model=ur5"],
+        ),
+        (
+            ["sheet={young_pa=6e10}", 'sheet={material="spring-steel"}'],
+            ["sheet.young_pa=6e10", "sheet.material=spring-steel"],
+        ),
+        (
+            ["filter={taps=3}", 'filter={"kind"="fir", cutoff_hz=4}'],
+            ["filter.taps=3", "filter.kind=fir", "filter.cutoff_hz=4"],
+        ),
+        # What is no kind, material or arm keeps its place: the last one wins.
+        (
+            ["sheet.young_pa=6e10", 'sheet={material="spring-steel", young_pa=5e10}'],
+            ["sheet.material=spring-steel", "sheet.young_pa=5e10"],
+        ),
+    ],
+)
+def test_settings_in_a_table_are_those_of_its_keys(inline: list[str], by_key: list[str]) -> None:
+    scenario = load_scenario("fig6", inline)
+    assert scenario == load_scenario("fig6", by_key)
+    assert scenario == load_scenario("fig6", by_key[::-1])
+
+
+def test_a_table_that_contradicts_itself_is_refused() -> None:
+    said = refused("fig6", ["path={interval_rad=0.1, pieces=5}"])
+    assert "either interval_rad" in said
+    assert "both" in said
+
+
 def test_seed_on_the_command_line_wins_over_the_file(write: Write) -> None:
     assert load_scenario(write("seed = 4\n" + BASE), seed=9).seed == 9
 
@@ -258,6 +292,38 @@ def test_a_wrong_value_is_refused_by_key_and_value(
     said = message.split("case.toml with --set", 1)[-1]
     for word in (key, value, right):
         assert word in said, message
+
+
+@pytest.mark.parametrize(
+    ("scenario", "given", "words"),
+    [
+        ("pwb", ["motion.return_rad=0.1"], ["motion.return_rad = 0.1", "an assembly"]),
+        (
+            "pwb",
+            ["sheet.plastic=true", "sheet.yield_pa=3e8"],
+            ["sheet.plastic = true", "an assembly"],
+        ),
+        ("pwb", ["sheet.model=shell"], ['sheet.model = "shell"', "an assembly"]),
+        ("pwb", ["misalignment.left.roll_rad=0.1"], ["misalignment", "assembly.errors"]),
+        (
+            "fig6",
+            ["sheet.model=shell", "sheet.rigidity=width"],
+            ["sheet: ", 'rigidity = "width"', "a shell is a plate: rigidity has no say"],
+        ),
+        (
+            "fig6",
+            ["misalignment.left=none"],
+            ["misalignment.left = 'none'", "lateral_m, roll_rad, yaw_rad"],
+        ),
+        ("fig6", ["guard=none"], ["guard = 'none'", "always there", "following_error_rad"]),
+    ],
+)
+def test_what_would_say_nothing_is_refused(
+    scenario: str, given: list[str], words: list[str]
+) -> None:
+    message = refused(scenario, given)
+    for word in words:
+        assert word in message
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,8 @@ def check(
     from dualbend.analysis.check_run import Measured
 
     def tell(one: Measured) -> None:
-        click.echo(f"{one.name}: {one.outcome} {one.end or ''}".rstrip(), err=True)
+        said = f"{one.name}: {one.outcome} {one.end or ''}".rstrip()
+        click.echo(f"{said}: {one.reason}" if one.reason else said, err=True)
 
     verdicts = judge(scenarios, baseline, update=update, workers=workers, on_done=tell)
     if junit is not None:

@@ -38,12 +38,15 @@ def arm_table() -> list[dict[str, Any]]:
 def judge_arms(scenario: str, settings: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
     """Yield for each arm, on both sides, what becomes of a scenario: its place, or why not.
 
+    An arm of its own that the scenario has on one side gives way.
+
     ``room`` has manipulability and room to the limits by side, ``cell`` where the bases stand,
     ``refused`` the reason of an arm that cannot do it.
     """
     for name in JOINT_COUNT:
+        both = (f'arm.model="{name}"', "arm.left=none", "arm.right=none")
         try:
-            ready = make_run(load_scenario(scenario, (*settings, f'arm.model="{name}"')))
+            ready = make_run(load_scenario(scenario, (*settings, *both)))
         except InputError as error:
             yield {"name": name, "refused": str(error)}
             continue
@@ -89,13 +92,18 @@ def table_markdown(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def verdict_text(row: dict[str, Any]) -> str:
-    """Return one line of :func:`judge_arms` for people."""
+    """Return one line of :func:`judge_arms` for people: the base, and the worse of both rooms."""
     if "refused" in row:
         return f"{row['name']:<9}no: {row['refused']}"
-    cell, room = row["cell"], row["room"]["left"]
+    stand, base = row["cell"], "base"
+    if stand["base_distance_m"] is None:  # the arms stand differently
+        stand, base = stand["left"], "left base"
+    rooms = list(row["room"].values())
+    manipulability = min(room["manipulability"] for room in rooms)
+    tight = min(rooms, key=lambda room: float(room["room_deg"]))
     return (
-        f"{row['name']:<9}base {cell['base_distance_m']:.3f} m behind, "
-        f"{cell['base_lateral_m']:+.3f} m beside, {cell['base_height_m']:.3f} m up, "
-        f"yaw {cell['base_yaw_rad']:+.3f}; manipulability {room['manipulability']:.2f}, "
-        f"{room['room_deg']:.0f} degrees of room ({room['joint']})"
+        f"{row['name']:<9}{base} {stand['base_distance_m']:.3f} m behind, "
+        f"{stand['base_lateral_m']:+.3f} m beside, {stand['base_height_m']:.3f} m up, "
+        f"yaw {stand['base_yaw_rad']:+.3f}; manipulability {manipulability:.2f}, "
+        f"{tight['room_deg']:.0f} degrees of room ({tight['joint']})"
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +13,7 @@ from dualbend.run.scenario import Scenario
 from dualbend.scene.arm import FT_SITE, GRIP_SITE
 from dualbend.scene.arm_model import PUMA
 from dualbend.scene.arm_pair import SIDES, ArmPair, Side
+from dualbend.task.bending import make_path
 
 Vector = NDArray[np.float64]
 
@@ -63,10 +62,10 @@ def sheet_load(scenario: Scenario) -> Vector:
     sheet = scenario.sheet.sheet()
     stiffness, length = sheet.bending_stiffness_nm2, sheet.length_m
     path = scenario.path
-    interval = path.interval_rad or (path.end_rad - path.start_rad) / (path.pieces or math.inf)
+    interval = _longest_piece(scenario)
     share = min(interval / _PIECE_RAD, 1.0)
     force = elastica.end_force(path.end_rad, stiffness, length)
-    if path.start_rad < interval:
+    if path.start_rad < interval * (1.0 - 1e-9):  # a rounding error is no way from the flat
         force += _FIRST_FORCE * share * stiffness / length**2
     return np.array(
         [
@@ -75,6 +74,14 @@ def sheet_load(scenario: Scenario) -> Vector:
             _MOMENT * stiffness * share * _PIECE_RAD / length,
         ]
     )
+
+
+def _longest_piece(scenario: Scenario) -> float:
+    """Return the end slope [rad] of the longest straight piece; 0 of a path that has none."""
+    path = scenario.path
+    if path.kind == "piecewise" or (path.kind == "table" and not path.smooth):
+        return float(np.diff(make_path(path, scenario.sheet.length_m).knots).max())
+    return 0.0
 
 
 def _held(model: mujoco.MjModel, data: mujoco.MjData, side: Side, load: Vector) -> Vector:

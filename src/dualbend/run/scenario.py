@@ -37,14 +37,14 @@ from dualbend.scene.cell import SIDES, CellConfig, GraspConfig, Side
 from dualbend.scene.sheet import StripConfig
 from dualbend.scene.shell import ShellConfig
 from dualbend.task.assembly_config import DEFAULT_YIELD_PA, AssemblyConfig
-from dualbend.task.bending import MotionConfig, PathConfig, make_time_law
+from dualbend.task.bending import MotionConfig, PathConfig, make_path, make_time_law
 from dualbend.task.misalignment import SHORTEST_SETTLE_S, MisalignmentConfig
 
 _ALTERNATIVES = ("interval_rad", "pieces")
 """Keys of a path that say the same thing: giving one takes the other back."""
 
-_REPLACES = re.compile(r"^\s*([\w.]+\.kind|sheet\.material|sheet\.layers|arm\.\w+)\s*=")
-"""Settings that take back what the section had."""
+_REPLACES = (("sheet", "material"), ("sheet", "layers"))
+"""Keys that take back what the section had, as any ``kind`` and all of the arms do."""
 
 Outcome = Literal["completed", "aborted", "protective_stop", "failed"]
 
@@ -269,10 +269,8 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     def __post_init__(self) -> None:
         """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""
         self._refuse_joint_counts()
-        if self.sheet.plastic and self.assembly is not None:
-            raise ValueError(
-                "sheet.plastic = true: an assembly ends where the sheet would yield; not both"
-            )
+        self._refuse_what_no_assembly_has()
+        self._refuse_unfit_table()
         self._resolve_curvature()
         law = make_time_law(self.path, self.motion)
         total = self.motion.settle_s + law.duration_s + self.motion.hold_s
@@ -290,25 +288,42 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 f"motion.acceleration_rad_per_s2 = {self.motion.acceleration_rad_per_s2} makes a "
                 f"run of {total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
             )
-        if self.sheet.model == "shell" and self.assembly is not None:
-            raise ValueError(
-                'sheet.model = "shell" has no holes and no contact: an assembly needs "strips"'
-            )
-        self._refuse_misplaced_misalignment()
-
-    def _refuse_misplaced_misalignment(self) -> None:
-        if self.misalignment is None:
-            return
-        if self.assembly is not None:
-            raise ValueError(
-                "misalignment is for a sheet that is bent between two grips; "
-                "an assembly has assembly.errors"
-            )
-        if self.motion.settle_s < SHORTEST_SETTLE_S:
+        if self.misalignment is not None and self.motion.settle_s < SHORTEST_SETTLE_S:
             raise ValueError(
                 f"motion.settle_s = {self.motion.settle_s}: misalignment comes in while the arms "
                 f"settle and needs at least {SHORTEST_SETTLE_S} s"
             )
+
+    def _refuse_what_no_assembly_has(self) -> None:
+        if self.assembly is None:
+            return
+        if self.sheet.plastic:
+            raise ValueError(
+                "sheet.plastic = true: an assembly ends where the sheet would yield; not both"
+            )
+        if self.sheet.model == "shell":
+            raise ValueError(
+                'sheet.model = "shell" has no holes and no contact: an assembly needs "strips"'
+            )
+        if self.misalignment is not None:
+            raise ValueError(
+                "misalignment is for a sheet that is bent between two grips; "
+                "an assembly has assembly.errors"
+            )
+        if self.motion.return_rad is not None:
+            raise ValueError(
+                f"motion.return_rad = {self.motion.return_rad} is for a sheet that is bent between "
+                "two grips; an assembly lays it and does not go back"
+            )
+
+    def _refuse_unfit_table(self) -> None:
+        """Only a table can be at odds with the sheet: the other paths are made of its length."""
+        if self.path.kind != "table":
+            return
+        try:
+            make_path(self.path, self.sheet.length_m)
+        except InputError as error:
+            raise ValueError(str(error)) from error
 
     def _refuse_joint_counts(self) -> None:
         for side in SIDES:
@@ -374,16 +389,37 @@ def resolve_scenario(
     """Return the scenario of tables with settings applied; ``source`` is named in messages."""
     data = dict(tables)
     # A new kind, material or arm takes back what the one before had: it comes first, the others
-    # stay.
-    for setting in sorted(settings, key=_comes_late):
-        data = _apply(data, setting)
+    # stay, in the order given.
+    given = [(setting, *_split(_table_of(setting))) for setting in settings]
+    for setting, table in [
+        *((setting, early) for setting, early, _ in given),
+        *((setting, late) for setting, _, late in given),
+    ]:
+        if table:
+            _refuse_values_as_sections(data, setting)
+            data = _merge(data, table)
     if seed is not None:
         data["seed"] = seed
     return _convert(data, source)
 
 
-def _comes_late(setting: str) -> bool:
-    return not _REPLACES.search(setting)
+def _split(
+    table: Mapping[str, Any], path: tuple[str, ...] = ()
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what of a setting takes back what a section had, and the rest."""
+    early: dict[str, Any] = {}
+    late: dict[str, Any] = {}
+    for key, value in table.items():
+        where = (*path, key)
+        if path and (key == "kind" or path[0] == "arm" or where in _REPLACES):
+            early[key] = value
+        elif isinstance(value, dict) and value:
+            for part, inner in zip((early, late), _split(value, where), strict=True):
+                if inner:
+                    part[key] = inner
+        else:
+            late[key] = value
+    return early, late
 
 
 def parse_scenario(text: str, source: str) -> Scenario:
@@ -484,23 +520,32 @@ def _merge(
     return merged
 
 
-def _apply(data: dict[str, Any], setting: str) -> dict[str, Any]:
-    key, equals, text = setting.partition("=")
-    names = key.strip().split(".")
+def _table_of(setting: str) -> dict[str, Any]:
+    """Return the tables that ``path.to.key=value`` stands for."""
+    names = _names_of(setting)
+    _, equals, text = setting.partition("=")
     if not equals or not all(names) or len(names) > 10:
         raise InputError(f"--set {setting}: needs path.to.key=value, e.g. alter.delay_cycles=2")
+    value: Any
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         value = _number_or_text(text.strip())
+    for name in reversed(names[1:]):
+        value = {name: value}
+    return {names[0]: value}
+
+
+def _names_of(setting: str) -> list[str]:
+    return setting.partition("=")[0].strip().split(".")
+
+
+def _refuse_values_as_sections(data: Mapping[str, Any], setting: str) -> None:
     table: object = data
-    for name in names[:-1]:
+    for name in _names_of(setting)[:-1]:
         table = table.get(name, {}) if isinstance(table, dict) else None
         if not isinstance(table, dict):
             raise InputError(f"--set {setting}: {name!r} is a value, not a section")
-    for name in reversed(names):
-        value = {name: value}
-    return _merge(data, value)
 
 
 def _number_or_text(text: str) -> float | str:
@@ -596,6 +641,9 @@ def explain(data: Mapping[str, Any], message: str, kind: object = Scenario) -> s
         text = f"must be one of {', '.join(_choices(msgspec.inspect.type_info(kind)))}"
     elif "matching regex" in text:
         text = "must begin with a letter or digit and hold only letters, digits and . _ + -"
+    elif value == UNSET and text.startswith("Expected `object"):
+        below = ", ".join(_fields_of(kind))
+        text = f"this section is always there: leave it out, or give its keys: {below}"
     shown = "" if isinstance(value, dict) or value is None else f" = {value!r}"
     return f"{keys}{shown}: {text}"
 

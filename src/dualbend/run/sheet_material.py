@@ -39,6 +39,8 @@ def check_sheet(config: SheetConfig) -> None:
 def _refuse_shell(config: SheetConfig) -> None:
     if config.model != "shell":
         return
+    if config.rigidity == "width":
+        raise ValueError('rigidity = "width": a shell is a plate: rigidity has no say')
     if config.plastic:
         raise ValueError('plastic = true: a shell stays elastic; use model = "strips"')
     if make_sheet(config).anisotropy is not None:
