@@ -46,6 +46,10 @@ _LOOKS: dict[str, tuple[str, float, Literal["solid", "dashed", "dotted"]]] = {
     "oracle, recorded": (PURPLE, 1.4, "dotted"),
 }
 _PALE = "#94a3b866"
+_SIMULATED = {
+    "strips": "the simulated strips",
+    "shell": "the simulated plate along its mid-line",
+}
 _NOT_BENT = "The run ended before it bent the sheet."
 
 
@@ -173,8 +177,9 @@ def shape_section(run: SavedRun, pictures: Pictures) -> Section:
             Curve(name=name, x=1e3 * shape.x_m, y=1e3 * shape.z_m, colour=colour, width=1.6),
         ]
     axes = (Axis(label="x", unit="mm"), Axis(label="z from the ends", unit="mm"))
+    model = _SIMULATED[run.scenario.sheet.model]
     caption = (
-        "Side view, x and z not on one scale. Coloured: the simulated strips; broad and grey: the "
+        f"Side view, x and z not on one scale. Coloured: {model}; broad and grey: the "
         "zero-moment elastica of the sheet's own end slope. The arms lag behind the nominal angle, "
         "which names each shape."
     )

@@ -139,24 +139,25 @@ def _rods(run: SavedRun, rows: Rows) -> tuple[rod.RodState, ...]:
 
 
 def has_shape(run: SavedRun) -> bool:
-    """Tell whether the trace holds the sheet's hinges; that of an early version does not."""
+    """Tell whether the trace holds the bending angles; that of an early version does not."""
     return "bend_000" in run.table.column_names
 
 
 def sheet_points(run: SavedRun, row: int) -> tuple[Vector, Vector, Vector]:
-    """Return arc lengths, x and z [m] of the strips' ends (hinges + 2,), from the left edge on.
+    """Return arc lengths, x and z [m] of the flat pieces' ends (n + 2,), from the left edge on.
 
-    θ grows by each hinge's angle; x' = cos θ, z' = −sin θ, in the planar frame of the rod.
+    Strips and plate alike bend at n places, (i + 1/2) L/n. θ grows by each one's angle;
+    x' = cos θ, z' = −sin θ, in the planar frame of the rod.
     """
-    hinges, length = run.scenario.sheet.strips.hinges, run.scenario.sheet.length_m
-    bends = [float(run[f"bend_{i:03d}"][row]) for i in range(hinges)]
+    sections, length = run.scenario.sheet.sections, run.scenario.sheet.length_m
+    bends = [float(run[f"bend_{i:03d}"][row]) for i in range(sections)]
     start = [float(run[f"left_edge_{part}"][row]) for part in ("x", "z", "alpha")]
     theta = start[2] + np.concatenate([[0.0], np.cumsum(bends)])
-    strips = np.full(hinges + 1, length / hinges)
-    strips[[0, -1]] *= 0.5
-    s = np.concatenate([[0.0], np.cumsum(strips)])
-    x = start[0] + np.concatenate([[0.0], np.cumsum(strips * np.cos(theta))])
-    z = start[1] - np.concatenate([[0.0], np.cumsum(strips * np.sin(theta))])
+    pieces = np.full(sections + 1, length / sections)
+    pieces[[0, -1]] *= 0.5
+    s = np.concatenate([[0.0], np.cumsum(pieces)])
+    x = start[0] + np.concatenate([[0.0], np.cumsum(pieces * np.cos(theta))])
+    z = start[1] - np.concatenate([[0.0], np.cumsum(pieces * np.sin(theta))])
     s[-1] = length
     return s, x, z
 
