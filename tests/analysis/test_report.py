@@ -16,6 +16,7 @@ from dualbend.analysis.report import report, write_report
 from dualbend.analysis.report_data import (
     bending_rows,
     moment_lines,
+    nominal_lines,
     oracle_at_edges,
     phases,
     shapes,
@@ -111,6 +112,20 @@ def test_the_oracle_at_the_recorded_poses_is_the_true_moment(fig8: SavedRun) -> 
     assert true.name == "true"
     error = np.abs(np.interp(oracle.x, true.x, true.y) - oracle.y)
     assert np.nanmax(error) < 0.05 * np.abs(true.y).max()
+
+
+def test_a_sheet_that_yields_has_no_elastic_prediction(tmp_path: Path) -> None:
+    """Unbent, the sheet turns the grip the other way than an elastic one: that is not shown."""
+    brief = ("motion.speed_rad_per_s=0.7", "motion.settle_s=0.1", "motion.hold_s=0.1")
+    run = load_run(leave(tmp_path / "set", "springback", *brief, "motion.return_rad=0.8"))
+    assert run.summary.outcome == "completed"
+    assert [line.name for line in nominal_lines(run)] == ["raw", "filtered", "true"]
+    assert all(np.isnan(shape.off_rod_m) for shape in shapes(run))
+    page = report([run, run])
+    assert "oracle, nominal" not in page
+    assert "oracle, recorded" not in page
+    assert "off the rod with weight" not in page
+    assert "No moment is predicted: the elastic theory does not apply" in page
 
 
 def test_phases_follow_each_other_without_a_gap(top: Path) -> None:

@@ -15,7 +15,7 @@ from dualbend.analysis.report_bending import (
     path_section,
     shape_section,
 )
-from dualbend.analysis.report_data import bending_rows, moment_lines, oracle_on_path
+from dualbend.analysis.report_data import bending_rows, nominal_lines
 from dualbend.analysis.report_html import Html, element, join, markdown
 from dualbend.analysis.report_parts import Pictures, Section, note, side_by_side
 from dualbend.analysis.report_plots import Plot, Ranges, common, library, plots_json
@@ -27,6 +27,7 @@ from dualbend.analysis.report_time import (
     time_range,
     wrench_section,
 )
+from dualbend.analysis.sheet_report import no_oracle
 from dualbend.errors import InputError
 from dualbend.resources import limitations_file
 from dualbend.run.saved import SavedRun, load_run
@@ -121,7 +122,7 @@ def _side_by_side(
 ) -> list[Section]:
     """Return the paper's figures on one scale and the metrics of all runs."""
     bent = [(run, name) for run, name in zip(runs, names, strict=True) if bending_rows(run).size]
-    lines = [[*moment_lines(run), oracle_on_path(run)] for run, _ in bent]
+    lines = [nominal_lines(run) for run, _ in bent]
     sections = []
     if bent:
         every = [line for of_run in lines for line in of_run]
@@ -139,7 +140,10 @@ def _side_by_side(
         ]
         words = note(
             "Moment at the sensing gripper over the bending angle, all on one scale; zooming one "
-            "zooms all. The oracle knows no compliance: it is the moment on the nominal path."
+            "zooms all. The oracle knows no compliance: it is the moment on the nominal path. "
+            + " ".join(
+                f"{name}: {without}" for run, name in bent if (without := no_oracle(run.scenario))
+            )
         )
         sections.append(
             Section(title="Moment over bending angle", body=join([words, side_by_side(*figures)]))
