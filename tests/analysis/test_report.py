@@ -299,6 +299,19 @@ def test_an_unwritable_page_is_said(top: Path) -> None:
     assert "--out /proc/none/x.html: cannot be written" in result.output
 
 
+def test_a_compliance_brought_along_is_named_and_not_predicted(top: Path, tmp_path: Path) -> None:
+    for name in ("scenario.toml", "trace.parquet"):
+        (tmp_path / name).write_bytes((top / "fig8" / name).read_bytes())
+    raw = json.loads((top / "fig8" / "summary.json").read_text())
+    (tmp_path / "summary.json").write_text(json.dumps({**raw, "controller": "mine.Still"}))
+    own, other = report([load_run(top / "fig8")]), report([load_run(tmp_path)])
+    assert "the run's compliance was mine.Still" in other
+    assert '<th scope="row">controller</th><td>mine.Still</td>' in other
+    assert "growth rate over bending angle" in own
+    assert "growth rate over bending angle" not in other
+    assert '<th scope="row">controller</th><td>the scenario\'s own</td>' in own
+
+
 def test_the_same_runs_make_the_same_page(top: Path, tmp_path: Path) -> None:
     for name in ("a.html", "b.html"):
         write_report([top / "fig8"], tmp_path / name)

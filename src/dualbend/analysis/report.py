@@ -19,7 +19,7 @@ from dualbend.analysis.report_data import bending_rows, nominal_lines
 from dualbend.analysis.report_html import Html, element, join, markdown
 from dualbend.analysis.report_parts import Pictures, Section, note, side_by_side
 from dualbend.analysis.report_plots import Plot, Ranges, common, library, plots_json
-from dualbend.analysis.report_stability import stability_section
+from dualbend.analysis.report_stability import own_compliance_section, stability_section
 from dualbend.analysis.report_tables import ended, metrics_table, origin_section, settings_section
 from dualbend.analysis.report_time import (
     deviation_section,
@@ -92,7 +92,9 @@ def _chapter(run: SavedRun, pictures: Pictures) -> list[Section]:
             wrench_section(run, pictures, shared),
             deviation_section(run, pictures, shared),
             phase_section(run, pictures, shared),
-            stability_section(run.scenario, pictures),
+            own_compliance_section(run.summary.controller)
+            if run.summary.controller
+            else stability_section(run.scenario, pictures),
         ]
     else:
         found += [
