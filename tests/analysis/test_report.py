@@ -312,6 +312,27 @@ def test_a_compliance_brought_along_is_named_and_not_predicted(top: Path, tmp_pa
     assert '<th scope="row">controller</th><td>the scenario\'s own</td>' in own
 
 
+def test_the_summarys_sheet_and_arms_are_shown(fig8: SavedRun, tmp_path: Path) -> None:
+    page, sheet, arms = report([fig8]), fig8.summary.sheet, fig8.summary.arms
+    raw = json.loads((fig8.folder / "summary.json").read_text())
+    assert (sheet, arms) == (raw["sheet"], raw["arms"])  # exact
+    assert sheet["rigidity"] == "beam"
+    taken = sheet["choices"]["beam"]["bending_stiffness_nm2"]
+    assert f'<th scope="row">beam (taken)</th><td class="num">{taken:.4g}</td>' in page
+    left = arms["left"]
+    assert f'<td class="num">{left["manipulability"]:.4g}</td>' in page
+    assert f'<td class="num">{left["room_deg"]:.4g}</td><td>{left["joint"]}</td>' in page
+    # A summary of a version that did not have them is still one.
+    for name in ("scenario.toml", "trace.parquet"):
+        (tmp_path / name).write_bytes((fig8.folder / name).read_bytes())
+    for old in ({}, {"sheet": {"material": "x"}, "arms": {"left": 1}}):
+        kept = {key: value for key, value in raw.items() if key not in {"sheet", "arms"}}
+        (tmp_path / "summary.json").write_text(json.dumps({**kept, **old}))
+        without = report([load_run(tmp_path)])
+        assert "beam (taken)" not in without
+        assert ("not readable" in without) == bool(old)
+
+
 def test_the_same_runs_make_the_same_page(top: Path, tmp_path: Path) -> None:
     for name in ("a.html", "b.html"):
         write_report([top / "fig8"], tmp_path / name)

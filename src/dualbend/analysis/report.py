@@ -20,6 +20,7 @@ from dualbend.analysis.report_html import Html, element, join, markdown
 from dualbend.analysis.report_parts import Pictures, Section, note, side_by_side
 from dualbend.analysis.report_plots import Plot, Ranges, common, library, plots_json
 from dualbend.analysis.report_stability import own_compliance_section, stability_section
+from dualbend.analysis.report_summary import arms_section, sheet_section
 from dualbend.analysis.report_tables import ended, metrics_table, origin_section, settings_section
 from dualbend.analysis.report_time import (
     deviation_section,
@@ -108,7 +109,7 @@ def _chapter(run: SavedRun, pictures: Pictures) -> list[Section]:
             path_section(run, pictures),
             shape_section(run, pictures),
         ]
-    found += [settings_section(run), origin_section(run)]
+    found += [sheet_section(run), arms_section(run), settings_section(run), origin_section(run)]
     return [section for section in found if section is not None]
 
 
