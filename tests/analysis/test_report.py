@@ -333,6 +333,20 @@ def test_the_summarys_sheet_and_arms_are_shown(fig8: SavedRun, tmp_path: Path) -
         assert ("not readable" in without) == bool(old)
 
 
+def test_misaligned_grips_show_what_leaves_the_plane(top: Path, tmp_path: Path) -> None:
+    brief = ("path.end_rad=0.2", "motion.speed_rad_per_s=0.4", "motion.hold_s=0.1")
+    error = ("motion.settle_s=0.3", "misalignment.right.roll_rad=0.02")
+    run = load_run(leave(tmp_path / "rolled", "fig6", *brief, *error))
+    page = report([run])
+    assert ">Misaligned grips</h3>" in page
+    assert "lateral force over time. left across: " in page
+    assert "left about z (yaw): " in page
+    assert "peak twist moment" in page
+    plane = report([load_run(top / "fig6")])
+    assert "Misaligned grips" not in plane
+    assert "peak twist moment" not in plane
+
+
 def test_the_same_runs_make_the_same_page(top: Path, tmp_path: Path) -> None:
     for name in ("a.html", "b.html"):
         write_report([top / "fig8"], tmp_path / name)

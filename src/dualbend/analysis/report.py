@@ -24,6 +24,7 @@ from dualbend.analysis.report_summary import arms_section, sheet_section
 from dualbend.analysis.report_tables import ended, metrics_table, origin_section, settings_section
 from dualbend.analysis.report_time import (
     deviation_section,
+    misalignment_section,
     phase_section,
     time_range,
     wrench_section,
@@ -91,6 +92,7 @@ def _chapter(run: SavedRun, pictures: Pictures) -> list[Section]:
             path_section(run, pictures),
             shape_section(run, pictures),
             wrench_section(run, pictures, shared),
+            misalignment_section(run, pictures, shared),
             deviation_section(run, pictures, shared),
             phase_section(run, pictures, shared),
             own_compliance_section(run.summary.controller)
