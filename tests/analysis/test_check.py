@@ -15,9 +15,9 @@ from dualbend.analysis.check import check, updated
 from dualbend.analysis.check_run import Measured, measure, measure_all
 from dualbend.analysis.check_verdict import Finding, Verdicts, compare
 from dualbend.analysis.fingerprint import model_fingerprint
-from dualbend.analysis.metrics import Metric, compute_metrics
+from dualbend.analysis.metrics import Metric, bending_rows, compute_metrics
 from dualbend.analysis.peaks import Place, peak_places
-from dualbend.analysis.tolerances import Tolerance
+from dualbend.analysis.tolerances import Tolerance, better_where, default_tolerance
 from dualbend.cli import main
 from dualbend.control.alter import TransportDelay
 from dualbend.errors import InputError
@@ -285,6 +285,37 @@ def test_every_peak_is_found_in_its_row() -> None:
     # Exact: the very number.
     assert abs(result.trace["left_true_moment_y"][row]) == metrics["peak_moment"].value
     assert place.phase == "bend"
+
+
+def test_misaligned_grips_have_peaks_out_of_the_plane() -> None:
+    brief = ("path.end_rad=0.2", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.3")
+    plane = ("path.end_rad=0.1", "motion.speed_rad_per_s=0.8", "motion.hold_s=0.03")
+    columns = {
+        "peak_lateral_force": ("force_y", "N"),
+        "peak_twist_moment": ("moment_x", "N m"),
+        "peak_yaw_moment": ("moment_z", "N m"),
+    }
+    assert (
+        not columns.keys() & compute_metrics(BendingRun(load_scenario("fig6", plane)).run()).keys()
+    )
+    rolled = [*brief, "misalignment.right.roll_rad=0.02"]
+    result = BendingRun(load_scenario("fig6", rolled)).run()
+    metrics, bent = compute_metrics(result), bending_rows(result)
+    places = peak_places(result, metrics)
+    for name, (column, unit) in columns.items():
+        peak = np.abs(result.trace[f"left_true_{column}"][bent]).max()
+        assert (metrics[name].value, metrics[name].unit) == (peak, unit)  # exact
+        (place,) = places[name]
+        assert place is not None
+        assert place.phase == "bend"
+        assert default_tolerance(name, peak, assembly=False).size == 5e-3
+        assert better_where(name) == "lower"
+    # Analytic, GJ/L φ, of the flat sheet; the moment falls and changes its sign as it bends.
+    sheet = result.scenario.sheet.sheet()
+    flat = result.trace["left_true_moment_x"][np.flatnonzero(bent)[0]]
+    assert abs(flat) == pytest.approx(
+        sheet.torsional_stiffness_nm2 / sheet.length_m * 0.02, rel=0.2
+    )
 
 
 def test_the_peaks_of_an_assembly_are_found(tmp_path: Path) -> None:

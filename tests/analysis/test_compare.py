@@ -1,7 +1,9 @@
 """Two runs side by side, from the folders that they left."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -50,6 +52,14 @@ def test_a_folder_gives_back_the_run(
     assert np.array_equal(run["left_true_moment_y"], result.trace["left_true_moment_y"])  # exact
     assert run.summary.metrics["peak_moment"].value == compute_metrics(result)["peak_moment"].value
     assert (run.phases, run.sensing_side) == (result.phases, "left")
+
+
+def test_whose_compliance_it_was_is_compared(runs: tuple[SavedRun, SavedRun]) -> None:
+    a, b = runs
+    mine = replace(b, summary=msgspec.structs.replace(b.summary, controller="mine.Still"))
+    assert "controller" not in {item.name for item in compare_runs(a, b).settings}
+    found = compare_runs(a, mine).settings[0]
+    assert (found.name, found.a, found.b) == ("controller", "the scenario's own", "mine.Still")
 
 
 def test_metrics_are_put_side_by_side_with_their_change(runs: tuple[SavedRun, SavedRun]) -> None:

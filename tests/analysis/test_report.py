@@ -16,6 +16,7 @@ from dualbend.analysis.report import report, write_report
 from dualbend.analysis.report_data import (
     bending_rows,
     moment_lines,
+    nominal_lines,
     oracle_at_edges,
     phases,
     shapes,
@@ -85,12 +86,46 @@ def test_the_sheet_lies_on_the_rod_between_its_own_ends(fig8: SavedRun) -> None:
     assert max(shape.off_rod_m for shape in found) < 3e-4
 
 
+def test_a_plate_has_its_shape_too(tmp_path: Path) -> None:
+    """The plate's mid-line leads from edge to edge, with other places of bending than the strips'.
+
+    Analytic but for its stretch and the widthwise curvature: 1e-6 m is found.
+    """
+    brief = ("path.end_rad=0.4", "motion.speed_rad_per_s=1.0")
+    pauses = ("motion.settle_s=0.1", "motion.hold_s=0.1", "sheet.model=shell")
+    cells = ("sheet.shell.cells_along=8", "sheet.shell.cells_across=2")
+    run = load_run(leave(tmp_path / "plate", "fig8", *brief, *pauses, *cells))
+    assert run.scenario.sheet.strips.hinges != run.scenario.sheet.sections == 8
+    for row in bending_rows(run)[::3].tolist():
+        s, x, z = sheet_points(run, row)
+        assert s.shape == x.shape == z.shape == (10,)
+        assert x[-1] == pytest.approx(-run["right_edge_x"][row], abs=1e-5)
+        assert z[-1] == pytest.approx(run["right_edge_z"][row], abs=1e-5)
+    page = report([run])
+    assert "the simulated plate along its mid-line" in page
+    assert "the simulated strips" not in page
+
+
 def test_the_oracle_at_the_recorded_poses_is_the_true_moment(fig8: SavedRun) -> None:
     """Discretisation-limited, 1 % of the peak at 0.1 rad/s; four times as fast here."""
     true, oracle = moment_lines(fig8)[2], oracle_at_edges(fig8)
     assert true.name == "true"
     error = np.abs(np.interp(oracle.x, true.x, true.y) - oracle.y)
     assert np.nanmax(error) < 0.05 * np.abs(true.y).max()
+
+
+def test_a_sheet_that_yields_has_no_elastic_prediction(tmp_path: Path) -> None:
+    """Unbent, the sheet turns the grip the other way than an elastic one: that is not shown."""
+    brief = ("motion.speed_rad_per_s=0.7", "motion.settle_s=0.1", "motion.hold_s=0.1")
+    run = load_run(leave(tmp_path / "set", "springback", *brief, "motion.return_rad=0.8"))
+    assert run.summary.outcome == "completed"
+    assert [line.name for line in nominal_lines(run)] == ["raw", "filtered", "true"]
+    assert all(np.isnan(shape.off_rod_m) for shape in shapes(run))
+    page = report([run, run])
+    assert "oracle, nominal" not in page
+    assert "oracle, recorded" not in page
+    assert "off the rod with weight" not in page
+    assert "No moment is predicted: the elastic theory does not apply" in page
 
 
 def test_phases_follow_each_other_without_a_gap(top: Path) -> None:
@@ -262,6 +297,54 @@ def test_an_unwritable_page_is_said(top: Path) -> None:
     result = call("report", str(top / "fig8"), "--out", "/proc/none/x.html")
     assert result.exit_code == 2
     assert "--out /proc/none/x.html: cannot be written" in result.output
+
+
+def test_a_compliance_brought_along_is_named_and_not_predicted(top: Path, tmp_path: Path) -> None:
+    for name in ("scenario.toml", "trace.parquet"):
+        (tmp_path / name).write_bytes((top / "fig8" / name).read_bytes())
+    raw = json.loads((top / "fig8" / "summary.json").read_text())
+    (tmp_path / "summary.json").write_text(json.dumps({**raw, "controller": "mine.Still"}))
+    own, other = report([load_run(top / "fig8")]), report([load_run(tmp_path)])
+    assert "the run's compliance was mine.Still" in other
+    assert '<th scope="row">controller</th><td>mine.Still</td>' in other
+    assert "growth rate over bending angle" in own
+    assert "growth rate over bending angle" not in other
+    assert '<th scope="row">controller</th><td>the scenario\'s own</td>' in own
+
+
+def test_the_summarys_sheet_and_arms_are_shown(fig8: SavedRun, tmp_path: Path) -> None:
+    page, sheet, arms = report([fig8]), fig8.summary.sheet, fig8.summary.arms
+    raw = json.loads((fig8.folder / "summary.json").read_text())
+    assert (sheet, arms) == (raw["sheet"], raw["arms"])  # exact
+    assert sheet["rigidity"] == "beam"
+    taken = sheet["choices"]["beam"]["bending_stiffness_nm2"]
+    assert f'<th scope="row">beam (taken)</th><td class="num">{taken:.4g}</td>' in page
+    left = arms["left"]
+    assert f'<td class="num">{left["manipulability"]:.4g}</td>' in page
+    assert f'<td class="num">{left["room_deg"]:.4g}</td><td>{left["joint"]}</td>' in page
+    # A summary of a version that did not have them is still one.
+    for name in ("scenario.toml", "trace.parquet"):
+        (tmp_path / name).write_bytes((fig8.folder / name).read_bytes())
+    for old in ({}, {"sheet": {"material": "x"}, "arms": {"left": 1}}):
+        kept = {key: value for key, value in raw.items() if key not in {"sheet", "arms"}}
+        (tmp_path / "summary.json").write_text(json.dumps({**kept, **old}))
+        without = report([load_run(tmp_path)])
+        assert "beam (taken)" not in without
+        assert ("not readable" in without) == bool(old)
+
+
+def test_misaligned_grips_show_what_leaves_the_plane(top: Path, tmp_path: Path) -> None:
+    brief = ("path.end_rad=0.2", "motion.speed_rad_per_s=0.4", "motion.hold_s=0.1")
+    error = ("motion.settle_s=0.3", "misalignment.right.roll_rad=0.02")
+    run = load_run(leave(tmp_path / "rolled", "fig6", *brief, *error))
+    page = report([run])
+    assert ">Misaligned grips</h3>" in page
+    assert "lateral force over time. left across: " in page
+    assert "left about z (yaw): " in page
+    assert "peak twist moment" in page
+    plane = report([load_run(top / "fig6")])
+    assert "Misaligned grips" not in plane
+    assert "peak twist moment" not in plane
 
 
 def test_the_same_runs_make_the_same_page(top: Path, tmp_path: Path) -> None:

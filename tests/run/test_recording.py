@@ -25,6 +25,7 @@ from dualbend.run.recording_scales import LONGEST_ARROW_M, Scales, diverging_col
 from dualbend.run.recording_scene import CLEAR_OF_JAWS_M
 from dualbend.run.runner import BendingRun, RunResult
 from dualbend.run.scenario import load_scenario
+from dualbend.task.bending import PHASES
 
 SHORT = (
     "motion.settle_s=0.112",
@@ -400,6 +401,21 @@ def test_a_shipped_run_takes_less_than_3_megabytes_a_minute(name: str, tmp_path:
     assert megabytes_a_minute < 3.0
     verified = rrd("verify", str(target))
     assert verified.returncode == 0, verified.stderr
+
+
+def test_of_a_sheet_that_yields_nothing_is_predicted(tmp_path: Path) -> None:
+    """The elastic rod is another sheet; and the phases of going back have colours of their own."""
+    brief = ("motion.speed_rad_per_s=0.7", "motion.settle_s=0.1", "motion.hold_s=0.1")
+    plastic = BendingRun(load_scenario("springback", [*brief, "motion.return_rad=0.8"])).run()
+    said = notes_of(plastic)
+    assert np.isnan(said.predicted_moment).all()
+    write_recording(plastic, tmp_path / "run.rrd", said)
+    kept = Recorded(tmp_path / "run.rrd")
+    assert not [entity for entity in (*kept.columns, *kept.static) if "predicted" in entity]
+    (text,) = kept.static["/guide"]["TextDocument:text"]
+    assert "No moment is predicted" in text
+    look = kept.static["/phase"]["StateConfiguration:values"]
+    assert set(PHASES) <= set(look)
 
 
 def test_predicted_and_true_moments_agree(

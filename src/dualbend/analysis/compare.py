@@ -11,6 +11,7 @@ from dualbend.errors import InputError
 from dualbend.run.saved import SavedMetric, SavedRun
 
 _NONE = "-"
+_OWN_CONTROLLER = "the scenario's own"
 _NO_SETTINGS = frozenset({"description"})
 
 
@@ -49,7 +50,10 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def compare_runs(a: SavedRun, b: SavedRun) -> Comparison:
-    """Return the metrics of two runs, a row a value, and the settings and versions that differ."""
+    """Return the metrics of two runs, a row a value, and the settings and versions that differ.
+
+    A compliance brought along from Python is among the settings, as ``controller``.
+    """
     first, second = (
         dict(_flat(msgspec.to_builtins(run.scenario), (), _NO_SETTINGS)) for run in (a, b)
     )
@@ -57,7 +61,7 @@ def compare_runs(a: SavedRun, b: SavedRun) -> Comparison:
         labels=labels(a, b),
         outcomes=(_ended(a), _ended(b)),
         metrics=list(_metrics(a.summary.metrics, b.summary.metrics)),
-        settings=list(_differing(first, second)),
+        settings=[*_differing(*_controllers(a, b)), *_differing(first, second)],
         versions=list(_differing(a.summary.versions, b.summary.versions)),
     )
 
@@ -116,6 +120,11 @@ def write_comparison(
             write_compared_recording((a, b), found.labels, text, folder / "compare.rrd")
     except OSError as error:
         raise InputError(f"--out {folder}: cannot be written: {error.strerror or error}") from error
+
+
+def _controllers(a: SavedRun, b: SavedRun) -> list[dict[str, str]]:
+    """Return whose compliance each run had, which no scenario says."""
+    return [{"controller": run.summary.controller or _OWN_CONTROLLER} for run in (a, b)]
 
 
 def _ended(run: SavedRun) -> str:

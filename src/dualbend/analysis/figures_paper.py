@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from dualbend.analysis.metrics import summary
 from dualbend.analysis.report import PAPER_FIGURES, write_report
 from dualbend.analysis.report_bending import knots_of
-from dualbend.analysis.report_data import Line, moment_lines, oracle_on_path
+from dualbend.analysis.report_data import Line, nominal_lines
 from dualbend.errors import InputError
 from dualbend.run import output
 from dualbend.run.make import make_run
@@ -106,7 +106,7 @@ def write_pictures(runs: Sequence[SavedRun], out: Path) -> None:
         A file cannot be written.
     """
     mpl.rcParams["svg.hashsalt"] = "dualbend"  # the same file from the same run
-    lines = [[*moment_lines(run), oracle_on_path(run)] for run in runs]
+    lines = [nominal_lines(run) for run in runs]
     for run, of_run in zip(runs, lines, strict=True):
         figure = Figure(figsize=(5.6, 3.8), layout="constrained")
         axes = figure.add_subplot()

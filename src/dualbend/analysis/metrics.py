@@ -24,6 +24,7 @@ from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.run.arms import arm_pair
 from dualbend.run.permanent_set import permanent_curvature
 from dualbend.run.runner import RunResult
+from dualbend.run.scenario import Scenario
 from dualbend.scene.arm_room import arm_room
 from dualbend.scene.cell import SIDES
 from dualbend.task.assembly_plan import plan_assembly
@@ -46,6 +47,13 @@ _SET_UNITS = {
     "curvature_before_release": "1/m",
 }
 """Largest curvature that is kept; slope of the free sheet's ends; the largest it had there."""
+
+
+_OUT_OF_PLANE = {
+    "peak_lateral_force": "true_force_y",
+    "peak_twist_moment": "true_moment_x",
+    "peak_yaw_moment": "true_moment_z",
+}
 
 
 class Metric(msgspec.Struct, frozen=True):
@@ -90,6 +98,7 @@ def compute_metrics(result: RunResult) -> dict[str, Metric]:
         "rms_moment": Metric(_finite(np.sqrt(np.mean(moment**2))) if moment.size else None, "N m"),
         "peak_moment_by_piece": Metric([_finite(p) for p in peak_by_piece(result)], "N m"),
         "peak_force": Metric(_peak(force), "N"),
+        **_out_of_plane(result),
         "oscillation": Metric(oscillation, "N m"),
         "oscillation_frequency": Metric(frequency, "Hz"),
         "oscillation_growth": Metric(growth, "1/s"),
@@ -102,6 +111,23 @@ def compute_metrics(result: RunResult) -> dict[str, Metric]:
         "simulated_time": Metric(result.simulated_s, "s"),
         "realtime_factor": Metric(result.simulated_s / wall, "1"),
         "wall_time": Metric(wall, "s"),
+    }
+
+
+def out_of_plane_columns(scenario: Scenario) -> dict[str, str]:
+    """Return the columns of the peaks that only misaligned grips have, by metric.
+
+    Components in the sensing arm's bending frame: across the sheet, and about x (inward, twist) and
+    z (up). Without misalignment they are rounding alone, and there are none.
+    """
+    return {} if scenario.misalignment is None else _OUT_OF_PLANE
+
+
+def _out_of_plane(result: RunResult) -> dict[str, Metric]:
+    rows = bending_rows(result)
+    return {
+        name: Metric(_peak(sensing_column(result, column)[rows]), "N" if "force" in name else "N m")
+        for name, column in out_of_plane_columns(result.scenario).items()
     }
 
 

@@ -10,6 +10,7 @@ from dualbend.analysis.metrics import (
     Metric,
     bending_rows,
     first_sensing_side,
+    out_of_plane_columns,
     sensing_column,
     surface_strain,
 )
@@ -78,6 +79,10 @@ def _bending_signals(result: RunResult) -> dict[str, Vector]:
         "peak_moment": moment,
         "peak_moment_by_piece": moment,
         "peak_force": bending(force),
+        **{
+            name: bending(np.abs(sensing_column(result, column)))
+            for name, column in out_of_plane_columns(result.scenario).items()
+        },
         "peak_deviation_x": np.abs(trace[f"{side}_deviation_x"]),
         "peak_deviation_alpha": np.abs(trace[f"{side}_deviation_alpha"]),
         "peak_surface_strain": surface_strain(result),

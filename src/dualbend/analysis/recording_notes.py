@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.analysis.metrics import summary
+from dualbend.analysis.sheet_report import no_oracle
 from dualbend.analysis.validation_runs import oracle_moments
 from dualbend.run.recording_log import FRAME_CYCLES
 from dualbend.run.recording_notes import Notes
@@ -27,12 +28,13 @@ _LEAST_BEND_RAD = 0.02
 def notes_of(result: RunResult) -> Notes:
     """Return the run's metrics and, every third cycle, the rod oracle's moment on the left grip.
 
-    At the sheet's own edges, so that the pads' compliance is not in the difference.
+    At the sheet's own edges, so that the pads' compliance is not in the difference. None of a sheet
+    that may yield, which the elastic rod does not know.
     """
     metrics = summary(result)["metrics"]
     named = {k: (m["value"], m["unit"]) for k, m in metrics.items() if k not in WALL_CLOCK}
     predicted = np.full(result.trace.rows, np.nan)
-    rows = _predictable(result)
+    rows = np.arange(0) if no_oracle(result.scenario) else _predictable(result)
     if rows.size:
         predicted[rows] = oracle_moments(result, "edge", rows)
     return Notes(metrics=named, predicted_moment=predicted)

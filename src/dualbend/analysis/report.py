@@ -15,18 +15,21 @@ from dualbend.analysis.report_bending import (
     path_section,
     shape_section,
 )
-from dualbend.analysis.report_data import bending_rows, moment_lines, oracle_on_path
+from dualbend.analysis.report_data import bending_rows, nominal_lines
 from dualbend.analysis.report_html import Html, element, join, markdown
 from dualbend.analysis.report_parts import Pictures, Section, note, side_by_side
 from dualbend.analysis.report_plots import Plot, Ranges, common, library, plots_json
-from dualbend.analysis.report_stability import stability_section
+from dualbend.analysis.report_stability import own_compliance_section, stability_section
+from dualbend.analysis.report_summary import arms_section, sheet_section
 from dualbend.analysis.report_tables import ended, metrics_table, origin_section, settings_section
 from dualbend.analysis.report_time import (
     deviation_section,
+    misalignment_section,
     phase_section,
     time_range,
     wrench_section,
 )
+from dualbend.analysis.sheet_report import no_oracle
 from dualbend.errors import InputError
 from dualbend.resources import limitations_file
 from dualbend.run.saved import SavedRun, load_run
@@ -89,9 +92,12 @@ def _chapter(run: SavedRun, pictures: Pictures) -> list[Section]:
             path_section(run, pictures),
             shape_section(run, pictures),
             wrench_section(run, pictures, shared),
+            misalignment_section(run, pictures, shared),
             deviation_section(run, pictures, shared),
             phase_section(run, pictures, shared),
-            stability_section(run.scenario, pictures),
+            own_compliance_section(run.summary.controller)
+            if run.summary.controller
+            else stability_section(run.scenario, pictures),
         ]
     else:
         found += [
@@ -105,7 +111,7 @@ def _chapter(run: SavedRun, pictures: Pictures) -> list[Section]:
             path_section(run, pictures),
             shape_section(run, pictures),
         ]
-    found += [settings_section(run), origin_section(run)]
+    found += [sheet_section(run), arms_section(run), settings_section(run), origin_section(run)]
     return [section for section in found if section is not None]
 
 
@@ -121,7 +127,7 @@ def _side_by_side(
 ) -> list[Section]:
     """Return the paper's figures on one scale and the metrics of all runs."""
     bent = [(run, name) for run, name in zip(runs, names, strict=True) if bending_rows(run).size]
-    lines = [[*moment_lines(run), oracle_on_path(run)] for run, _ in bent]
+    lines = [nominal_lines(run) for run, _ in bent]
     sections = []
     if bent:
         every = [line for of_run in lines for line in of_run]
@@ -139,7 +145,10 @@ def _side_by_side(
         ]
         words = note(
             "Moment at the sensing gripper over the bending angle, all on one scale; zooming one "
-            "zooms all. The oracle knows no compliance: it is the moment on the nominal path."
+            "zooms all. The oracle knows no compliance: it is the moment on the nominal path. "
+            + " ".join(
+                f"{name}: {without}" for run, name in bent if (without := no_oracle(run.scenario))
+            )
         )
         sections.append(
             Section(title="Moment over bending angle", body=join([words, side_by_side(*figures)]))

@@ -12,9 +12,8 @@ from dualbend.analysis.report_data import (
     Shape,
     bending_rows,
     has_shape,
-    moment_lines,
+    nominal_lines,
     oracle_at_edges,
-    oracle_on_path,
     shapes,
 )
 from dualbend.analysis.report_html import Html, join, table
@@ -31,6 +30,7 @@ from dualbend.analysis.report_plots import (
     Plot,
     Ranges,
 )
+from dualbend.analysis.sheet_report import no_oracle
 from dualbend.beam import elastica
 from dualbend.run.saved import SavedRun
 from dualbend.task.bending import make_path
@@ -45,7 +45,15 @@ _LOOKS: dict[str, tuple[str, float, Literal["solid", "dashed", "dotted"]]] = {
     "oracle, nominal": (GREEN, 1.4, "dashed"),
     "oracle, recorded": (PURPLE, 1.4, "dotted"),
 }
+_ORACLE = (
+    "The oracle is the rod with weight: between grips that follow the nominal path exactly and do "
+    "not comply, and where the sheet's ends really were."
+)
 _PALE = "#94a3b866"
+_SIMULATED = {
+    "strips": "the simulated strips",
+    "shell": "the simulated plate along its mid-line",
+}
 _NOT_BENT = "The run ended before it bent the sheet."
 
 
@@ -88,13 +96,12 @@ def moment_section(run: SavedRun, pictures: Pictures) -> Section:
     title = "Moment over bending angle"
     if not bending_rows(run).size:
         return Section(title=title, body=note(_NOT_BENT))
-    lines = [*moment_lines(run), oracle_on_path(run), oracle_at_edges(run)]
+    without = no_oracle(run.scenario)
+    lines = nominal_lines(run) if without else [*nominal_lines(run), oracle_at_edges(run)]
     caption = (
         f"Moment on the {run.sensing_side} gripper about the bending axis. Raw and filtered: the "
         "sensor's reading, moved to the gripper's centre, before and after the low-pass; true: "
-        "what the sheet exerts. The oracle is the rod with weight: between grips that follow the "
-        "nominal path exactly and do not comply, and where the sheet's ends really were. Vertical "
-        "lines: the path's knots."
+        f"what the sheet exerts. {without or _ORACLE} Vertical lines: the path's knots."
     )
     alt = "Moment over bending angle. " + "; ".join(describe_peak(line) for line in lines)
     return Section(title=title, body=pictures.add(moment_plot(lines, run), caption, alt))
@@ -173,11 +180,15 @@ def shape_section(run: SavedRun, pictures: Pictures) -> Section:
             Curve(name=name, x=1e3 * shape.x_m, y=1e3 * shape.z_m, colour=colour, width=1.6),
         ]
     axes = (Axis(label="x", unit="mm"), Axis(label="z from the ends", unit="mm"))
+    model = _SIMULATED[run.scenario.sheet.model]
     caption = (
-        "Side view, x and z not on one scale. Coloured: the simulated strips; broad and grey: the "
+        f"Side view, x and z not on one scale. Coloured: {model}; broad and grey: the "
         "zero-moment elastica of the sheet's own end slope. The arms lag behind the nominal angle, "
         "which names each shape."
     )
+    elastic = not no_oracle(run.scenario)
+    if not elastic:
+        caption += " The sheet may yield, the elastica does not: it is drawn to be compared with."
     worst = max(1e3 * shape.off_elastica_m for shape in found)
     alt = f"{len(found)} shapes of the sheet; within {worst:.2f} mm of the elastica"
     return Section(
@@ -185,13 +196,13 @@ def shape_section(run: SavedRun, pictures: Pictures) -> Section:
         body=join(
             [
                 pictures.add(Plot(curves=curves, x=axes[0], y=axes[1]), caption, alt),
-                _distances(found),
+                _distances(found, elastic=elastic),
             ]
         ),
     )
 
 
-def _distances(found: Sequence[Shape]) -> Html:
+def _distances(found: Sequence[Shape], *, elastic: bool) -> Html:
     rows = [
         (
             number(shape.alpha_rad),
@@ -206,4 +217,8 @@ def _distances(found: Sequence[Shape]) -> Html:
         *("nominal angle [rad]", "end slope [rad]", "time [s]"),
         *("off the elastica [mm]", "off the rod with weight [mm]"),
     )
-    return table("Largest distance of the sheet from theory", head, rows, numeric=range(5))
+    # Of a sheet that may yield there is no rod.
+    columns = len(head) if elastic else len(head) - 1
+    shown = [row[:columns] for row in rows]
+    caption = "Largest distance of the sheet from theory"
+    return table(caption, head[:columns], shown, numeric=range(columns))

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.analysis.recorded_rod import recorded_rods
+from dualbend.analysis.sheet_report import no_oracle
 from dualbend.beam import elastica, rod
 from dualbend.control.alter import COMMAND_PERIOD_S
 from dualbend.run.saved import SavedRun
@@ -40,7 +42,8 @@ class Shape:
 
     ``elastica_*``: the zero-moment shape at the sheet's own end slope ``slope_rad``, the arms lag
     behind ``alpha_rad``. ``off_*``: largest distance between points of the same arc length [m],
-    from it, and from the oracle with weight between the sheet's own ends (NaN: not found).
+    from it, and from the oracle with weight between the sheet's own ends (NaN: not found, and of
+    a sheet that may yield).
     """
 
     alpha_rad: float
@@ -84,6 +87,12 @@ def moment_lines(run: SavedRun) -> list[Line]:
     ]
 
 
+def nominal_lines(run: SavedRun) -> list[Line]:
+    """Return the moments of :func:`moment_lines` and, unless the sheet may yield, the oracle's."""
+    predicted = [] if no_oracle(run.scenario) else [oracle_on_path(run)]
+    return [*moment_lines(run), *predicted]
+
+
 def oracle_on_path(run: SavedRun) -> Line:
     """Return the oracle's moment [mN m] on grippers that follow the nominal path exactly."""
     scenario = run.scenario
@@ -118,45 +127,29 @@ def oracle_at_edges(run: SavedRun) -> Line:
 
 
 def _rods(run: SavedRun, rows: Rows) -> tuple[rod.RodState, ...]:
-    """Return the oracle's states between the recorded edges, weight and stretch included."""
-    sheet = run.scenario.sheet.sheet()
-    left, right = (
-        np.column_stack([run[f"{side}_edge_{part}"][rows] for part in ("x", "z", "alpha")])
-        for side in SIDES
-    )
-    # The right arm's bending frame looks the other way.
-    pairs = [
-        (rod.Grip(*a), rod.Grip(-b[0], b[1], b[2]))
-        for a, b in zip(left.tolist(), right.tolist(), strict=True)
-    ]
-    return rod.follow_planar(
-        sheet.bending_stiffness_nm2,
-        sheet.length_m,
-        pairs,
-        sheet.weight_per_length_n_per_m,
-        axial_stiffness_n=sheet.axial_stiffness_n,
-    )
+    return recorded_rods(run, run.scenario.sheet.sheet(), "edge", rows)
 
 
 def has_shape(run: SavedRun) -> bool:
-    """Tell whether the trace holds the sheet's hinges; that of an early version does not."""
+    """Tell whether the trace holds the bending angles; that of an early version does not."""
     return "bend_000" in run.table.column_names
 
 
 def sheet_points(run: SavedRun, row: int) -> tuple[Vector, Vector, Vector]:
-    """Return arc lengths, x and z [m] of the strips' ends (hinges + 2,), from the left edge on.
+    """Return arc lengths, x and z [m] of the flat pieces' ends (n + 2,), from the left edge on.
 
-    θ grows by each hinge's angle; x' = cos θ, z' = −sin θ, in the planar frame of the rod.
+    Strips and plate alike bend at n places, (i + 1/2) L/n. θ grows by each one's angle;
+    x' = cos θ, z' = −sin θ, in the planar frame of the rod.
     """
-    hinges, length = run.scenario.sheet.strips.hinges, run.scenario.sheet.length_m
-    bends = [float(run[f"bend_{i:03d}"][row]) for i in range(hinges)]
+    sections, length = run.scenario.sheet.sections, run.scenario.sheet.length_m
+    bends = [float(run[f"bend_{i:03d}"][row]) for i in range(sections)]
     start = [float(run[f"left_edge_{part}"][row]) for part in ("x", "z", "alpha")]
     theta = start[2] + np.concatenate([[0.0], np.cumsum(bends)])
-    strips = np.full(hinges + 1, length / hinges)
-    strips[[0, -1]] *= 0.5
-    s = np.concatenate([[0.0], np.cumsum(strips)])
-    x = start[0] + np.concatenate([[0.0], np.cumsum(strips * np.cos(theta))])
-    z = start[1] - np.concatenate([[0.0], np.cumsum(strips * np.sin(theta))])
+    pieces = np.full(sections + 1, length / sections)
+    pieces[[0, -1]] *= 0.5
+    s = np.concatenate([[0.0], np.cumsum(pieces)])
+    x = start[0] + np.concatenate([[0.0], np.cumsum(pieces * np.cos(theta))])
+    z = start[1] - np.concatenate([[0.0], np.cumsum(pieces * np.sin(theta))])
     s[-1] = length
     return s, x, z
 
@@ -170,20 +163,22 @@ def shapes(run: SavedRun) -> list[Shape]:
     wanted = alpha.max() * np.arange(1, SHAPES + 1) / SHAPES
     at = np.minimum(np.searchsorted(alpha, wanted - 1e-9), rows.size - 1)
     chosen = rows[np.unique(at)]
+    if no_oracle(run.scenario):
+        return [_shape(run, row, None) for row in chosen.tolist()]
     return [
         _shape(run, row, state)
         for row, state in zip(chosen.tolist(), _rods(run, chosen), strict=True)
     ]
 
 
-def _shape(run: SavedRun, row: int, state: rod.RodState) -> Shape:
+def _shape(run: SavedRun, row: int, state: rod.RodState | None) -> Shape:
     slope = 0.5 * sum(float(run[f"{side}_edge_alpha"][row]) for side in SIDES)
     allowed = min(max(slope, 0.0), elastica.END_SLOPE_GRIPPERS_MEET)
     s, x, z = sheet_points(run, row)
     wanted_x, wanted_z, _ = elastica.shape(allowed, run.scenario.sheet.length_m, s)
     middle, level = 0.5 * (x[0] + x[-1]), 0.5 * (z[0] + z[-1])
     off_rod = np.nan
-    if state.converged:
+    if state is not None and state.converged:
         rod_x, rod_z = (np.interp(s, state.s_m, part) for part in (state.x_m, state.z_m))
         off_rod = float(np.hypot(x - rod_x, z - rod_z).max())
     return Shape(

@@ -31,6 +31,15 @@ def stability_section(scenario: Scenario, pictures: Pictures) -> Section:
     )
 
 
+def own_compliance_section(controller: str) -> Section:
+    """Return why nothing is predicted for a run whose compliance was not the scenario's."""
+    words = (
+        f"No prediction: the run's compliance was {controller}, brought along from Python, in "
+        "place of the scenario's; its gains were not used."
+    )
+    return Section(title=_TITLE, body=note(words))
+
+
 def _ranges(prediction: Prediction) -> str:
     parts = [f"from {low:.2f} to {high:.2f} rad" for low, high in prediction.unstable_rad]
     return f" Unstable {', '.join(parts)}." if parts else ""

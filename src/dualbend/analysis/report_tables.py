@@ -85,6 +85,7 @@ def origin_section(run: SavedRun) -> Section:
         ("folder", str(run.folder)),
         ("outcome", ended(run)),
         ("seed", str(summary.seed)),
+        ("controller", summary.controller or "the scenario's own"),
         ("cycles", str(run.table.num_rows)),
         *((name, version) for name, version in summary.versions.items()),
     ]

@@ -77,6 +77,53 @@ _WRENCH_CAPTIONS = {
 }
 
 
+def misalignment_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section | None:
+    """Return what misaligned grips feel out of the bending plane; None where none is misaligned."""
+    if run.scenario.misalignment is None:
+        return None
+    bands, time = phases(run), run["time"]
+    figures = []
+    for name, unit, factor, columns, caption in _OUT_OF_PLANE:
+        curves = [
+            Curve(
+                name=f"{side} {label}",
+                x=time,
+                y=factor * run[f"{side}_true_{column}"],
+                colour=colour,
+                width=w,
+            )
+            for side, w, pair in zip(SIDES, _WIDTHS, ((BLUE, ORANGE), (GREEN, PURPLE)), strict=True)
+            for (label, column), colour in zip(columns, pair, strict=False)
+        ]
+        axis = Axis(label=name, unit=unit)
+        drawn = Plot(
+            curves=curves, x=TIME, y=axis, ranges=Ranges(x=shared), bands=every_second(bands)
+        )
+        words = "; ".join(f"{c.name}: {_span(c.y)} {unit}" for c in curves)
+        figures.append(pictures.add(drawn, caption, f"{name} over time. {words}"))
+    return Section(title="Misaligned grips", body=side_by_side(*figures))
+
+
+_OUT_OF_PLANE = (
+    (
+        "lateral force",
+        "N",
+        1.0,
+        (("across", "force_y"),),
+        "True force across the sheet on each gripper, along y of that arm's bending frame. "
+        "Shaded: every second phase.",
+    ),
+    (
+        "moment out of the plane",
+        "mN m",
+        1e3,
+        (("about x (twist)", "moment_x"), ("about z (yaw)", "moment_z")),
+        "True moment on each gripper about x (inward: it twists the sheet) and z (up) of that "
+        "arm's bending frame, at the gripper's centre.",
+    ),
+)
+
+
 def _span(values: Vector) -> str:
     finite = values[np.isfinite(values)]
     return f"{finite.min():.3g} to {finite.max():.3g}" if finite.size else "none"

@@ -151,6 +151,16 @@ def sheet_warning(report: SheetReport) -> str:
     return f"{text}; it is simulated as if it did not"
 
 
+def no_oracle(scenario: Scenario) -> str:
+    """Return why the elastic theory predicts no moment of a scenario, "" where it does."""
+    if not scenario.sheet.plastic:
+        return ""
+    found = sheet_report(scenario)
+    if found.exceeds:
+        return f"No moment is predicted: the elastic theory {found.theory}."
+    return "No moment is predicted: the sheet may yield, which the elastic theory does not know."
+
+
 def _theory(*, exceeds: bool, plastic: bool) -> str:
     if exceeds and plastic:
         return "does not apply: the elastica and the oracle know no yield, and the sheet yields"

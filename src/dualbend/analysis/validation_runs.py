@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.analysis.metrics import bending_rows, compute_metrics, peak_by_piece
+from dualbend.analysis.recorded_rod import Place, recorded_rods
 from dualbend.analysis.validation_row import Row, absolute, at_least, at_most
-from dualbend.beam import rod
 from dualbend.run.arms import arm_pair
 from dualbend.run.runner import BendingRun, RunResult
 from dualbend.run.scenario import list_scenarios, load_scenario
@@ -85,29 +85,13 @@ def _miss(position: Vector, rotation: Vector, side: Side, pose: Vector) -> tuple
     return float(np.linalg.norm(position - [sign * x, 0.0, z])), angle
 
 
-def oracle_moments(result: RunResult, place: str, rows: NDArray[np.int_]) -> Vector:
+def oracle_moments(result: RunResult, place: Place, rows: NDArray[np.int_]) -> Vector:
     """Return the oracle's moment on the left gripper at recorded poses (rows,) [N m]; NaN unsolved.
 
     ``place`` is "grip" (the arms') or "edge" (the sheet's, behind the pads). The rod has the
     sheet's weight and axial stiffness.
     """
-    sheet, trace = result.scenario.sheet.sheet(), result.trace
-    left, right = (
-        np.column_stack([trace[f"{side}_{place}_{part}"][rows] for part in ("x", "z", "alpha")])
-        for side in SIDES
-    )
-    # The right arm's bending frame looks the other way: its x is minus the planar frame's.
-    pairs = [
-        (rod.Grip(*a), rod.Grip(-b[0], b[1], b[2]))
-        for a, b in zip(left.tolist(), right.tolist(), strict=True)
-    ]
-    states = rod.follow_planar(
-        sheet.bending_stiffness_nm2,
-        sheet.length_m,
-        pairs,
-        sheet.weight_per_length_n_per_m,
-        axial_stiffness_n=sheet.axial_stiffness_n,
-    )
+    states = recorded_rods(result.trace, result.scenario.sheet.sheet(), place, rows)
     return np.array([s.left.moment_nm if s.converged else np.nan for s in states])
 
 
@@ -120,7 +104,9 @@ def moment_rows(fig6: RunResult) -> Iterator[Row]:
     bending = np.flatnonzero(bending_rows(fig6))
     moment = fig6.trace["left_true_moment_y"]
     peak = first_peak(fig6)
-    for place, limit, words in (("grip", 0.10, "gripper"), ("edge", 0.03, "edge")):
+    judged: tuple[tuple[Place, float, str], ...]
+    judged = (("grip", 0.10, "gripper"), ("edge", 0.03, "edge"))
+    for place, limit, words in judged:
         name = f"fig6 moment error / first peak, at {words} poses"
         yield absolute(name, moment_error(fig6, place), 0.0, "1", limit)
     alpha = fig6.trace["left_grip_alpha"][bending]
@@ -130,7 +116,7 @@ def moment_rows(fig6: RunResult) -> Iterator[Row]:
     yield absolute("fig6 moment at inner knots / first peak", largest, 0.0, "1", 0.10)
 
 
-def moment_error(run: RunResult, place: str) -> float:
+def moment_error(run: RunResult, place: Place) -> float:
     """Return the largest error of the moment against the oracle while bending, over its first peak.
 
     ``place`` as :func:`oracle_moments` has it; NaN where nothing was bent.

@@ -29,6 +29,8 @@ _STATE_COLOURS = {
     "settle": 0x78909CFF,
     "bend": 0x42A5F5FF,
     "hold": 0x7E57C2FF,
+    "return": 0x26A69AFF,
+    "rest": 0x8D6E63FF,
 }
 _OUTCOME_COLOURS = {
     "completed": 0x4CAF50FF,
@@ -119,7 +121,9 @@ def log_run(log: RecordingLog, result: RunResult) -> None:
 
 
 def log_predicted(log: RecordingLog, notes: Notes) -> None:
-    """Log the moment that theory predicts for the left grip."""
+    """Log the moment that theory predicts for the left grip, if it predicts any."""
+    if not np.isfinite(notes.predicted_moment).any():
+        return
     name = "left predicted [N m]"
     series = (name, notes.predicted_moment, _PREDICTED_COLOUR, 5.0)
     log.broken_line("moment/predicted", series, every=FRAME_CYCLES)

@@ -36,16 +36,26 @@ _GUIDE = (
     "Drag the white line in a plot or press play: every panel shows the same moment of the run. "
     "Left: the cell, one gripper close up, the sheet; below them, what the robots were doing. "
     "Right: what the sheet does to the grippers. **measured** is the wrist sensor, noise and all, "
-    "**filtered** what the compliance acts on, **true** what really acts there, **predicted** what "
-    "beam theory says for these poses: where true leaves it, the sheet swings."
+    "**filtered** what the compliance acts on, **true** what really acts there."
+)
+_PREDICTED = (
+    " **predicted** is what beam theory says for these poses: where true leaves it, the sheet "
+    "swings."
+)
+_NOT_PREDICTED = (
+    " No moment is predicted: the sheet may yield (sheet.plastic), which the elastic theory does "
+    "not know."
 )
 _ASSEMBLY_GUIDE = (
     "Drag the white line in a plot or press play: every panel shows the same moment of the run. "
     "Left: the cell, the bed with its four pins, each pin and one gripper close up (tabs); below "
     "them, what the robots were doing. Right: how far each hole is from its pin, what the pins and "
     "the bending do. A sheet is laid when all four holes are within half their clearance and down "
-    "on the bed. **predicted** is beam theory for these poses, without pins, while the sheet hangs "
-    "bent: where true leaves it, the sheet swings or touches something."
+    "on the bed."
+)
+_ASSEMBLY_PREDICTED = (
+    " **predicted** is beam theory for these poses, without pins, while the sheet hangs bent: "
+    "where true leaves it, the sheet swings or touches something."
 )
 _ASSEMBLY_LEGEND = (
     '* phases: "lower 2" is the second attempt to lower',
@@ -56,9 +66,12 @@ _ASSEMBLY_LEGEND = (
 def guide(result: RunResult, scales: Scales) -> str:
     """Return how to read the recording, in Markdown."""
     limit, assembly = f"{scales.moment_range_n_m:g}", result.scenario.assembly is not None
+    predicted = _ASSEMBLY_PREDICTED if assembly else _PREDICTED
+    if result.scenario.sheet.plastic:
+        predicted = _NOT_PREDICTED
     return "\n".join(
         (
-            _ASSEMBLY_GUIDE if assembly else _GUIDE,
+            (_ASSEMBLY_GUIDE if assembly else _GUIDE) + predicted,
             "",
             f"* sheet: bending moment, −{limit} N m blue, 0 grey, +{limit} N m red",
             f"* yellow arrow: force of the sheet on the grip, {1e3 * scales.force_m_per_n:g} mm/N;"

@@ -7,6 +7,7 @@ import json
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -40,7 +41,10 @@ class SavedMetric(msgspec.Struct, frozen=True):
 
 
 class SavedSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """``summary.json``; the tables of phases, holes and pins are an assembly's."""
+    """``summary.json``; the tables of phases, holes and pins are an assembly's.
+
+    ``sheet`` and ``arms`` are as they were written; {} where the run's version did not.
+    """
 
     scenario: str
     seed: int
@@ -49,6 +53,8 @@ class SavedSummary(msgspec.Struct, frozen=True, kw_only=True):
     controller: str = ""
     versions: dict[str, str]
     metrics: dict[str, SavedMetric]
+    sheet: dict[str, Any] = {}
+    arms: dict[str, Any] = {}
     phases: list[TableRow] = []
     holes: list[TableRow] = []
     pins: list[TableRow] = []
