@@ -310,11 +310,11 @@ def test_misaligned_grips_have_peaks_out_of_the_plane() -> None:
         assert place.phase == "bend"
         assert default_tolerance(name, peak, assembly=False).size == 5e-3
         assert better_where(name) == "lower"
-    # Analytic, GJ/L φ, of the flat sheet; the moment falls and changes its sign as it bends.
+    # Analytic, GJ φ/L, of the flat rod without weight between ideal grips; 2 % off are found.
     sheet = result.scenario.sheet.sheet()
     flat = result.trace["left_true_moment_x"][np.flatnonzero(bent)[0]]
     assert abs(flat) == pytest.approx(
-        sheet.torsional_stiffness_nm2 / sheet.length_m * 0.02, rel=0.2
+        sheet.torsional_stiffness_nm2 / sheet.length_m * 0.02, rel=0.05
     )
 
 

@@ -66,6 +66,24 @@ def test_a_run_says_whose_compliance_it_had(tmp_path: Path) -> None:
     assert "controller" not in summary(plain)
 
 
+def test_the_numbers_are_computed_once_for_summary_and_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = BendingRun(short()).run()
+    numbers, calls = summary(result), list[str]()
+    for module in ("results", "recording_notes"):
+
+        def counted(_: object, module: str = module) -> dict[str, object]:
+            calls.append(module)
+            return numbers
+
+        monkeypatch.setattr(f"dualbend.analysis.{module}.summary", counted)
+    assert write_results(result, tmp_path) == []
+    assert calls == ["results"]
+    assert write_results(result, tmp_path, numbers=numbers) == []
+    assert calls == ["results"]
+
+
 def test_a_table_of_the_knots_makes_the_run_of_the_pieces() -> None:
     scenario = short()
     path = make_path(scenario.path, scenario.sheet.length_m)

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.analysis.metrics import summary
 from dualbend.analysis.sheet_report import no_oracle
+from dualbend.analysis.tolerances import WALL_CLOCK
 from dualbend.analysis.validation_runs import oracle_moments
 from dualbend.run.recording_log import FRAME_CYCLES
 from dualbend.run.recording_notes import Notes
 from dualbend.run.runner import RunResult
 from dualbend.task.assembly_motion import PHASES
-
-WALL_CLOCK = ("wall_time", "realtime_factor")
-"""Metrics of the machine, not of the run: two runs of one seed differ in them."""
 
 _HANGS_BENT = ("bend", "lower", "seat middle", "unfold")
 """Phases of an assembly in which the sheet is a rod between two grips, and bent.
@@ -25,13 +26,14 @@ Flat, between grips as far apart as it is long, its moment hangs on micrometres.
 _LEAST_BEND_RAD = 0.02
 
 
-def notes_of(result: RunResult) -> Notes:
+def notes_of(result: RunResult, numbers: Mapping[str, Any] | None = None) -> Notes:
     """Return the run's metrics and, every third cycle, the rod oracle's moment on the left grip.
 
     At the sheet's own edges, so that the pads' compliance is not in the difference. None of a sheet
-    that may yield, which the elastic rod does not know.
+    that may yield, which the elastic rod does not know. ``numbers`` is what
+    :func:`~dualbend.analysis.metrics.summary` returned, where that is known already.
     """
-    metrics = summary(result)["metrics"]
+    metrics = (summary(result) if numbers is None else numbers)["metrics"]
     named = {k: (m["value"], m["unit"]) for k, m in metrics.items() if k not in WALL_CLOCK}
     predicted = np.full(result.trace.rows, np.nan)
     rows = np.arange(0) if no_oracle(result.scenario) else _predictable(result)

@@ -45,12 +45,11 @@ def write_results(
     """
     folder = Path(folder)
     output.prepare_folder(folder)
+    numbers = summary(result) if numbers is None else numbers
     writers: dict[str, Callable[[Path], None]] = {
         "scenario.toml": partial(output.write_scenario, result),
         "trace.parquet": partial(output.write_trace, result),
-        "summary.json": partial(
-            output.write_summary, summary(result) if numbers is None else numbers
-        ),
+        "summary.json": partial(output.write_summary, numbers),
         "moment.png": partial(plot_moment, result),
     }
     if record:
@@ -58,7 +57,7 @@ def write_results(
         from dualbend.analysis.recording_notes import notes_of  # noqa: PLC0415
         from dualbend.run.recording import write_recording  # noqa: PLC0415
 
-        notes = notes_of(result) if notes is None else notes
+        notes = notes_of(result, numbers) if notes is None else notes
         # Small and with its index, in place of what was streamed.
         writers["run.rrd"] = partial(write_recording, result, notes=notes)
     failures = []

@@ -173,7 +173,7 @@ def _write(
     if picture is not None:
         from dualbend.analysis.recording_notes import notes_of
 
-        notes = notes_of(result)
+        notes = notes_of(result, numbers)
         picture.end(result, notes)
         if picture.problem is not None:
             click.echo(f"dualbend: --view: the picture ended: {picture.problem}", err=True)
