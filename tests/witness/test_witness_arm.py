@@ -59,7 +59,7 @@ def _states() -> tuple[Vector, Vector]:
 
 def _mujoco(angles: Vector, rates: Vector) -> dict[str, Vector]:
     """Return what the simulated arm has: flange pose, gravity and velocity torques, mass matrix."""
-    spec = arm.load_arm()
+    spec = arm.load_puma()
     spec.option.gravity = [0.0, 0.0, -dh.GRAVITY_M_PER_S2]
     model = spec.compile()
     data, inertia = mujoco.MjData(model), np.zeros((6, 6))
