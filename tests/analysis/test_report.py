@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from left_runs import leave
 
 from dualbend.analysis.figures_paper import FORMATS, write_pictures
-from dualbend.analysis.metrics import summary
 from dualbend.analysis.report import report, write_report
 from dualbend.analysis.report_data import (
     bending_rows,
@@ -33,22 +33,6 @@ from dualbend.run.scenario import load_scenario
 
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
 EVIL = "<script>alert('x')</script> & \"quotes\""
-
-
-def leave(folder: Path, name: str, *settings: str, until: int | None = None) -> Path:
-    """Run a scenario, stopped by the user after ``until`` cycles, and leave its files."""
-    run = make_run(load_scenario(name, settings))
-
-    def on_cycle(done: int) -> None:
-        if done == until:
-            raise KeyboardInterrupt
-
-    result = run.run(on_cycle)
-    folder.mkdir(parents=True)
-    output.write_scenario(result, folder / "scenario.toml")
-    output.write_trace(result, folder / "trace.parquet")
-    output.write_summary(summary(result), folder / "summary.json")
-    return folder
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from left_runs import leave
 
-from dualbend.analysis.metrics import summary
 from dualbend.analysis.report import write_report
-from dualbend.run import output
-from dualbend.run.make import make_run
-from dualbend.run.scenario import load_scenario
 
 webdriver = pytest.importorskip("selenium.webdriver")
 
@@ -55,21 +52,6 @@ for (const plot of document.querySelectorAll(".plot")) {
 }
 return result;
 """
-
-
-def leave(folder: Path, name: str, *settings: str, until: int | None = None) -> Path:
-    run = make_run(load_scenario(name, settings))
-
-    def on_cycle(done: int) -> None:
-        if done == until:
-            raise KeyboardInterrupt
-
-    result = run.run(on_cycle)
-    folder.mkdir(parents=True)
-    output.write_scenario(result, folder / "scenario.toml")
-    output.write_trace(result, folder / "trace.parquet")
-    output.write_summary(summary(result), folder / "summary.json")
-    return folder
 
 
 @pytest.fixture(scope="module")
