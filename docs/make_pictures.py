@@ -13,9 +13,10 @@ import mujoco
 import numpy as np
 from matplotlib.figure import Figure
 
-from dualbend.run.runner import BendingRun, RunResult
-from dualbend.run.scenario import load_scenario
-from dualbend.task.bending import PHASES
+from dualbend.run.loop import RunResult
+from dualbend.scenario.load import load_scenario
+from dualbend.scenario.motion import PHASES
+from dualbend.task.bending.run import BendingRun
 
 mpl.use("Agg")
 FOLDER = Path(__file__).parent / "images"

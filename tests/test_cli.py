@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from dualbend.cli import main
-from dualbend.run.scenario import load_scenario
+from dualbend.scenario.load import load_scenario
 
 SHORT = [
     *("--set", "motion.speed_rad_per_s=0.5"),

@@ -16,12 +16,14 @@ import pytest
 from click.testing import CliRunner
 
 import dualbend
-from dualbend.analysis import audit_beam
-from dualbend.analysis.validation_page import validation_page
-from dualbend.analysis.validation_row import relative
-from dualbend.beam import elastica, rod
+from dualbend.beam import elastica
+from dualbend.beam.rod import planar as rod
 from dualbend.cli import main
-from dualbend.run.scenario import Scenario, load_scenario
+from dualbend.scenario.load import load_scenario
+from dualbend.scenario.scenario import Scenario
+from dualbend.validation.page import validation_page
+from dualbend.validation.row import relative
+from icra1995 import beam as audit_beam
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

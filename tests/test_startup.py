@@ -18,14 +18,14 @@ from click.testing import CliRunner, Result
 
 import dualbend.cli
 from dualbend.cli import main
-from dualbend.run.completion import complete_scenario
-from dualbend.run.scenario import list_scenarios, load_scenario
+from dualbend.scenario.completion import complete_scenario
+from dualbend.scenario.load import list_scenarios, load_scenario
 
 COMMANDS = sorted(main.commands)
 LIGHT = {"dualbend", "dualbend.errors", "dualbend.cli"} | {
     f"dualbend.cli.{module.name}" for module in pkgutil.iter_modules(dualbend.cli.__path__)
 }
-FOLDER = {"dualbend.resources", "dualbend.run", "dualbend.run.shipped"}
+FOLDER = {"dualbend.resources", "dualbend.scenario", "dualbend.scenario.shipped"}
 PROBE = """
 import json, sys
 before = set(sys.modules)
@@ -79,7 +79,7 @@ def test_a_tab_completes_scenarios_and_loads_no_more_than_the_folder() -> None:
     modules, output = loaded(
         [], _DUALBEND_COMPLETE="bash_complete", COMP_WORDS="dualbend run fi", COMP_CWORD="2"
     )
-    assert modules == LIGHT | FOLDER | {"dualbend.run.completion"}
+    assert modules == LIGHT | FOLDER | {"dualbend.scenario.completion"}
     assert output.split() == ["plain,fig6", "plain,fig8", "plain,fig9"]
 
 

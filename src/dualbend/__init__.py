@@ -7,14 +7,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dualbend.analysis.metrics import summary
-    from dualbend.analysis.results import write_results
-    from dualbend.control.admittance import Deviation
+    from dualbend.control.compliance.admittance import Deviation
     from dualbend.errors import InputError
+    from dualbend.evaluation.metrics import summary
+    from dualbend.report.results import write_results
     from dualbend.run.make import make_run
-    from dualbend.run.runner import BendingRun
     from dualbend.run.saved import load_run
-    from dualbend.run.scenario import load_scenario
+    from dualbend.scenario.load import load_scenario
+    from dualbend.task.bending.run import BendingRun
 
 __all__ = [
     "BendingRun",
@@ -28,14 +28,14 @@ __all__ = [
 ]
 
 _HOMES = {
-    "BendingRun": "run.runner",
-    "Deviation": "control.admittance",
+    "BendingRun": "task.bending.run",
+    "Deviation": "control.compliance.admittance",
     "InputError": "errors",
     "load_run": "run.saved",
-    "load_scenario": "run.scenario",
+    "load_scenario": "scenario.load",
     "make_run": "run.make",
-    "summary": "analysis.metrics",
-    "write_results": "analysis.results",
+    "summary": "evaluation.metrics",
+    "write_results": "report.results",
 }
 
 

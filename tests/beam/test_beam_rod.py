@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_bvp
 
 from dualbend.beam import elastica as el
-from dualbend.beam import ritz, rod
+from dualbend.beam.rod import planar as rod
+from dualbend.beam.rod import ritz
 
 L, EI = 0.6, 0.575
 seeded = settings(max_examples=25, derandomize=True, deadline=None)

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from sheets import PANEL
 
 from dualbend.beam import elastica as el
-from dualbend.beam import rod
+from dualbend.beam.rod import planar as rod
 from dualbend.errors import InputError
+from support.sheets import PANEL
 
 L, EI, EA = 0.6, 0.575, 7.0e6
 

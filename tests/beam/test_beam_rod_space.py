@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 from scipy.spatial.transform import Rotation
-from sheets import STRIP
 
-from dualbend.beam import elastica, rod
-from dualbend.beam.rod_space import RodStiffness, SpaceGrip, SpaceState, solve_space
+from dualbend.beam import elastica
+from dualbend.beam.rod import planar as rod
+from dualbend.beam.rod.space import RodStiffness, SpaceGrip, SpaceState, solve_space
 from dualbend.errors import InputError
+from support.sheets import STRIP
 
 L, WEIGHT = STRIP.length_m, STRIP.weight_per_length_n_per_m
 GIVING, STRIPS = RodStiffness.of(STRIP), RodStiffness.of(STRIP, in_plane=False)

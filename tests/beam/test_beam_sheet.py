@@ -6,9 +6,9 @@ from dataclasses import FrozenInstanceError, replace
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sheets import PANEL
 
 from dualbend.errors import InputError
+from support.sheets import PANEL
 
 
 def test_numbers_of_the_reference_sheet() -> None:

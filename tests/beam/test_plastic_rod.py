@@ -7,8 +7,8 @@ import pytest
 
 from dualbend.beam import elastica
 from dualbend.beam.plastic import Band, Plasticity
-from dualbend.beam.plastic_rod import solve_plastic
-from dualbend.beam.rod import solve_symmetric
+from dualbend.beam.rod.planar import solve_symmetric
+from dualbend.beam.rod.plastic import solve_plastic
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 

@@ -10,16 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from dualbend.control.admittance import (
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.compliance.admittance import (
     DEG_PER_RAD,
     Admittance,
     AdmittanceConfig,
     AdmittanceForm,
     AxisConfig,
-    horizontal_force,
 )
-from dualbend.control.alter import COMMAND_PERIOD_S, TransportDelay, Vector
-from dualbend.control.command_response import CommandResponse, CommandResponseConfig
+from dualbend.control.delay import TransportDelay
+from dualbend.control.reading import horizontal_force
+from dualbend.control.response import CommandResponse, CommandResponseConfig
+from dualbend.types import Vector
 
 T = COMMAND_PERIOD_S
 FORMS: list[AdmittanceForm] = ["printed", "impulse-invariant", "static"]

@@ -8,23 +8,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from dualbend.control import alter
+from dualbend.control import alter, clock
 from dualbend.control.alter import AlterMode
+from dualbend.control.delay import TransportDelay
 from dualbend.errors import InputError
 
 
 def test_servo_ticks_fill_the_command_period() -> None:
     # Exact by definition, up to one rounding.
     assert math.isclose(
-        alter.SERVO_TICKS_PER_CYCLE * alter.SERVO_TICK_S, alter.COMMAND_PERIOD_S, rel_tol=1e-15
+        clock.SERVO_TICKS_PER_CYCLE * clock.SERVO_TICK_S, clock.COMMAND_PERIOD_S, rel_tol=1e-15
     )
 
 
 @given(st.integers(1, 1000))
 def test_every_whole_fraction_of_the_period_is_accepted(count: int) -> None:
     # Exact: a count.
-    assert alter.steps_per_cycle(alter.COMMAND_PERIOD_S / count) == count
-    assert alter.steps_per_cycle(alter.COMMAND_PERIOD_S / count * (1 + 5e-10)) == count
+    assert clock.steps_per_cycle(clock.COMMAND_PERIOD_S / count) == count
+    assert clock.steps_per_cycle(clock.COMMAND_PERIOD_S / count * (1 + 5e-10)) == count
 
 
 @pytest.mark.parametrize(
@@ -35,25 +36,25 @@ def test_a_step_that_does_not_divide_the_period_names_both_neighbours(
     step_s: float, nearest: tuple[str, ...]
 ) -> None:
     with pytest.raises(ValueError, match="does not divide") as caught:
-        alter.steps_per_cycle(step_s)
+        clock.steps_per_cycle(step_s)
     assert all(text in str(caught.value) for text in nearest)
 
 
 def test_a_step_longer_than_the_period_is_offered_the_period() -> None:
     with pytest.raises(ValueError, match=r"0\.028 s \(1 steps\)") as caught:
-        alter.steps_per_cycle(0.03)
+        clock.steps_per_cycle(0.03)
     assert " or " not in str(caught.value)
 
 
 @pytest.mark.parametrize("step_s", [0.0, -0.001, math.nan, math.inf])
 def test_a_step_that_is_no_time_is_refused(step_s: float) -> None:
     with pytest.raises(ValueError, match="positive"):
-        alter.steps_per_cycle(step_s)
+        clock.steps_per_cycle(step_s)
 
 
 @pytest.mark.parametrize("cycles", [0, 1, 2, 5])
 def test_delay_impulse_response_is_its_transfer_function(cycles: int) -> None:
-    delay = alter.TransportDelay(cycles, 2)
+    delay = TransportDelay(cycles, 2)
     impulse = np.zeros((12, 2))
     impulse[0] = (1.0, -3.0)
     response = np.array([delay.update(row) for row in impulse])
@@ -62,7 +63,7 @@ def test_delay_impulse_response_is_its_transfer_function(cycles: int) -> None:
 
 
 def test_delay_reset_gives_the_value_until_the_first_new_one_arrives() -> None:
-    delay = alter.TransportDelay(2, 3)
+    delay = TransportDelay(2, 3)
     delay.update(np.ones(3))
     delay.reset([4.0, 5.0, 6.0])
     sent = np.array([1.0, 2.0, 3.0])
@@ -73,7 +74,7 @@ def test_delay_reset_gives_the_value_until_the_first_new_one_arrives() -> None:
 
 @pytest.mark.parametrize("cycles", [0, 3])
 def test_delay_keeps_no_reference_to_what_it_was_given(cycles: int) -> None:
-    delay = alter.TransportDelay(cycles, 1)
+    delay = TransportDelay(cycles, 1)
     sent = np.ones(1)
     received = delay.update(sent)
     before = received.copy()
@@ -88,7 +89,7 @@ def test_delay_keeps_no_reference_to_what_it_was_given(cycles: int) -> None:
 @pytest.mark.parametrize(("cycles", "size"), [(-1, 6), (1, 0)])
 def test_delay_refuses_a_negative_length_and_an_empty_vector(cycles: int, size: int) -> None:
     with pytest.raises(InputError, match="cycles >= 0"):
-        alter.TransportDelay(cycles, size)
+        TransportDelay(cycles, size)
 
 
 def test_modes_agree_on_a_flat_grip_and_part_when_it_turns() -> None:

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from dualbend.control.alter import COMMAND_PERIOD_S, SERVO_TICKS_PER_CYCLE, Vector
-from dualbend.control.command_response import CommandResponse, CommandResponseConfig
+from dualbend.control.clock import COMMAND_PERIOD_S, SERVO_TICKS_PER_CYCLE
+from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.errors import InputError
+from dualbend.types import Vector
 
 T = COMMAND_PERIOD_S
 DAMPING = [0.3, 0.995, 1.0, 1.7]

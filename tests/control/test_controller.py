@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dualbend.control.admittance import Admittance, AdmittanceConfig, AxisConfig
-from dualbend.control.alter import AlterMode, PlanarPathModification, TransportDelay
+from dualbend.control.alter import AlterMode, PlanarPathModification
+from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
 from dualbend.control.controller import Command, ComplianceController
+from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.filters import NYQUIST_HZ, LowPass, LowPassConfig
 
 CONFIGS = [

@@ -11,7 +11,6 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from dualbend.control.alter import Vector
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,
@@ -22,6 +21,7 @@ from dualbend.control.force_torque import (
     skew,
 )
 from dualbend.errors import InputError
+from dualbend.types import Vector
 
 G = 9.81
 TOOL_MASS, TOOL_COM = 1.3, np.array([0.01, -0.02, 0.05])

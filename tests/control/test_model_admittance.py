@@ -6,13 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from dualbend.control.admittance import Admittance, AdmittanceConfig, AxisConfig
-from dualbend.control.command_response import CommandResponseConfig
+from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
+from dualbend.control.compliance.model import ModelAdmittance
+from dualbend.control.compliance.predictor import PredictorConfig, ResponseLead, ResponseModel
+from dualbend.control.compliance.reference import ReferenceConfig
+from dualbend.control.compliance.schedule import FusionConfig, KnownSheet, ScheduleConfig
 from dualbend.control.filters import LowPassConfig
-from dualbend.control.force_reference import ReferenceConfig
-from dualbend.control.model_admittance import ModelAdmittance
-from dualbend.control.predictor import PredictorConfig, ResponseLead, ResponseModel
-from dualbend.control.schedule import FusionConfig, KnownSheet, ScheduleConfig
+from dualbend.control.response import CommandResponseConfig
 from dualbend.errors import InputError
 
 RESPONSE = CommandResponseConfig(natural_frequency_hz=2.2, damping_ratio=1.0)

@@ -14,17 +14,18 @@ from scipy import signal
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from dualbend.control.alter import COMMAND_PERIOD_S, TransferFunction, TransportDelay, Vector
-from dualbend.control.command_response import CommandResponse, CommandResponseConfig
-from dualbend.control.controller import Reading
-from dualbend.control.filters import LowPass, LowPassConfig
-from dualbend.control.force_torque import WrenchSample
-from dualbend.control.object_admittance import (
+from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
+from dualbend.control.compliance.object import (
     ObjectAdmittance,
     ObjectComplianceConfig,
     critical_rate,
-    net_wrench,
 )
+from dualbend.control.delay import TransportDelay
+from dualbend.control.filters import LowPass, LowPassConfig
+from dualbend.control.force_torque import WrenchSample
+from dualbend.control.reading import Reading, net_wrench
+from dualbend.control.response import CommandResponse, CommandResponseConfig
+from dualbend.types import Vector
 
 T = COMMAND_PERIOD_S
 NO_BAND = ObjectComplianceConfig(deadband_n=0.0, deadband_nm=0.0)

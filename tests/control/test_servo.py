@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from dualbend.control.command_response import CommandResponse, CommandResponseConfig
+from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.control.servo import JointServo
 
 Array = NDArray[np.float64]

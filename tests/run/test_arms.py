@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from dualbend.analysis.metrics import summary
-from dualbend.analysis.validation_runs import ik_residuals
+from dualbend.arm.catalog import JOINT_COUNT
 from dualbend.errors import InputError
+from dualbend.evaluation.metrics import summary
 from dualbend.run.arm_list import arm_table, judge_arms, table_markdown, table_text, verdict_text
 from dualbend.run.arm_load import sheet_load
 from dualbend.run.known_sheet import known_sheet
-from dualbend.run.runner import BendingRun
-from dualbend.run.scenario import load_scenario
-from dualbend.scene.arm_catalog import JOINT_COUNT
-from dualbend.task.bending import make_path
+from dualbend.scenario.load import load_scenario
+from dualbend.scenario.path import make_path
+from dualbend.task.bending.run import BendingRun
+from dualbend.validation.cases.runs import ik_residuals
 
 SHORT = (
     "path.end_rad=0.2",
@@ -57,7 +57,7 @@ def test_a_written_scenario_makes_the_run_again() -> None:
 
     import msgspec
 
-    from dualbend.run.scenario import Scenario
+    from dualbend.scenario.scenario import Scenario
 
     again = msgspec.convert(tomllib.loads(result.scenario.to_toml()), Scenario)
     assert again == result.scenario

@@ -7,11 +7,11 @@ import pytest
 
 import dualbend
 from dualbend import BendingRun, Deviation, load_run, load_scenario, summary, write_results
-from dualbend.control.admittance import Admittance
-from dualbend.control.alter import Vector
+from dualbend.control.compliance.admittance import Admittance
 from dualbend.errors import InputError
-from dualbend.run.scenario import Scenario
-from dualbend.task.bending import make_path
+from dualbend.scenario.path import make_path
+from dualbend.scenario.scenario import Scenario
+from dualbend.types import Vector
 
 SHORT = ("motion.speed_rad_per_s=1.0", "path.end_rad=0.2", "sheet.strips.hinges=10")
 
@@ -71,17 +71,17 @@ def test_the_numbers_are_computed_once_for_summary_and_recording(
 ) -> None:
     result = BendingRun(short()).run()
     numbers, calls = summary(result), list[str]()
-    for module in ("results", "recording_notes"):
+    for module in ("report.results", "recording.prediction"):
 
         def counted(_: object, module: str = module) -> dict[str, object]:
             calls.append(module)
             return numbers
 
-        monkeypatch.setattr(f"dualbend.analysis.{module}.summary", counted)
+        monkeypatch.setattr(f"dualbend.{module}.summary", counted)
     assert write_results(result, tmp_path) == []
-    assert calls == ["results"]
+    assert calls == ["report.results"]
     assert write_results(result, tmp_path, numbers=numbers) == []
-    assert calls == ["results"]
+    assert calls == ["report.results"]
 
 
 def test_a_table_of_the_knots_makes_the_run_of_the_pieces() -> None:

@@ -10,23 +10,19 @@ import pyarrow.parquet as pq
 import pytest
 from numpy.typing import NDArray
 
-from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.arm.model import scene_joints
+from dualbend.arm.pair import paper_pair
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.guard import Guard, GuardConfig, ProtectiveStop
 from dualbend.errors import InputError
-from dualbend.run.guard import (
-    Guard,
-    GuardConfig,
-    ProtectiveStop,
-    SimulationFailed,
-    refuse_warnings,
-)
-from dualbend.run.runner import BendingRun, RunResult, refuse_snapped
-from dualbend.run.scenario import load_scenario
+from dualbend.run.loop import RunResult
 from dualbend.run.trace import WALL_CLOCK_COLUMNS, Trace
-from dualbend.scene.arm_model import scene_joints
-from dualbend.scene.arm_pair import paper_pair
+from dualbend.scenario.load import load_scenario
+from dualbend.scenario.motion import PHASES
 from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD
-from dualbend.scene.sheet import strip_body
-from dualbend.task.bending import PHASES
+from dualbend.scene.sheet.strips import strip_body
+from dualbend.scene.warnings import SimulationFailed, refuse_warnings
+from dualbend.task.bending.run import BendingRun, refuse_snapped
 
 Array = NDArray[np.float64]
 SHORT = (

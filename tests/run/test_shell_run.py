@@ -5,8 +5,8 @@ import pytest
 
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.errors import InputError
-from dualbend.run.runner import BendingRun
-from dualbend.run.scenario import load_scenario
+from dualbend.scenario.load import load_scenario
+from dualbend.task.bending.run import BendingRun
 
 BRIEF = (
     "path.start_rad=0.5",

@@ -10,21 +10,20 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from sheets import STRIP
 
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
-from dualbend.scene.bed import (
+from dualbend.scene.bed.config import (
     HOLES,
     HolePairConfig,
     HolesConfig,
     LayoutConfig,
     PinsConfig,
-    add_holes,
-    add_workplace,
     hole_places,
 )
-from dualbend.scene.pin_contacts import PinContacts
-from dualbend.scene.sheet import StripConfig, add_sheet, strip_body
+from dualbend.scene.bed.mjcf import add_holes, add_workplace
+from dualbend.scene.bed.pin_contacts import PinContacts
+from dualbend.scene.sheet.strips import StripConfig, add_sheet, strip_body
+from support.sheets import STRIP
 
 Array = NDArray[np.float64]
 STRIPS = StripConfig()

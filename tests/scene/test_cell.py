@@ -7,22 +7,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from dualbend.arm import mjcf as arm
+from dualbend.arm.model import scene_joints
 from dualbend.beam import elastica
-from dualbend.control.command_response import CommandResponse, CommandResponseConfig
+from dualbend.control.response import CommandResponse, CommandResponseConfig
+from dualbend.mechanics.stiffness import endpoint_stiffness
 from dualbend.run.arms import arm_pair, joint_stiffness
-from dualbend.run.robot_cell import make_servo
-from dualbend.run.scenario import Scenario, load_scenario
-from dualbend.scene import arm
-from dualbend.scene.arm_model import scene_joints
-from dualbend.scene.cell import (
-    PAD_SITE,
-    SIDES,
-    compose_cell,
-    robots_only,
-)
+from dualbend.run.cell import make_servo
+from dualbend.scenario.load import load_scenario
+from dualbend.scenario.scenario import Scenario
+from dualbend.scene.cell import PAD_SITE, compose_cell, robots_only
 from dualbend.scene.ik import InverseKinematics, grip_targets
-from dualbend.scene.sheet import StripConfig, bend_joint, damping_time
+from dualbend.scene.sheet.strips import StripConfig, bend_joint, damping_time
 from dualbend.scene.simulation import Observation, Simulation, tool_mass_and_centre
+from dualbend.types import SIDES
 
 Array = NDArray[np.float64]
 JOINTS = scene_joints(6)
@@ -319,7 +317,7 @@ def test_the_arm_gives_way_as_the_joint_stiffness_says(bent: Cell) -> None:
     for _ in range(600):
         mujoco.mj_step(model, data)
     moved = data.site_xpos[site] - before
-    full = arm.endpoint_stiffness(np.vstack((jacobian, turn))[:, dof], bent.servo.stiffness[:6])
+    full = endpoint_stiffness(np.vstack((jacobian, turn))[:, dof], bent.servo.stiffness[:6])
     expected = np.linalg.solve(full, [*force, 0.0, 0.0, 0.0])[:3]
     # Linear statics; second order in a deflection of 0.2 mm on 0.5 m.
     np.testing.assert_allclose(moved, expected, atol=1e-2 * np.abs(expected).max())

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dualbend.run.robot_cell import RobotCell
-from dualbend.run.scenario import load_scenario
-from dualbend.scene import arm
-from dualbend.scene.bed import GRIPPING
-from dualbend.scene.cell import PAD_SITE, SIDES
+from dualbend.arm import mjcf as arm
+from dualbend.run.cell import RobotCell
+from dualbend.scenario.load import load_scenario
+from dualbend.scene.bed.mjcf import GRIPPING
+from dualbend.scene.cell import PAD_SITE
 from dualbend.scene.grippers import Grippers
-from dualbend.scene.sheet import LEFT_END, RIGHT_END
+from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
+from dualbend.types import SIDES
 
 Array = NDArray[np.float64]
 SCENARIO = load_scenario("pwb")

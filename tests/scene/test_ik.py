@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from dualbend.arm.mjcf import GRIP_SITE
+from dualbend.arm.model import scene_joints
+from dualbend.arm.pair import paper_pair
 from dualbend.beam import elastica
 from dualbend.errors import InputError
-from dualbend.scene.arm import GRIP_SITE
-from dualbend.scene.arm_model import scene_joints
-from dualbend.scene.arm_pair import paper_pair
-from dualbend.scene.cell import SIDES, CellConfig, robots_only
+from dualbend.scene.cell import CellConfig, robots_only
 from dualbend.scene.ik import (
     TOLERANCE_M,
     TOLERANCE_RAD,
@@ -20,6 +20,7 @@ from dualbend.scene.ik import (
     Targets,
     grip_targets,
 )
+from dualbend.types import SIDES
 
 Array = NDArray[np.float64]
 CELL = CellConfig()

@@ -8,16 +8,23 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from dualbend.analysis import validation_material as vm
-from dualbend.analysis.metrics import summary
-from dualbend.analysis.sheet_report import sheet_report, sheet_warning
 from dualbend.beam.material import find_material
 from dualbend.cli import main
 from dualbend.errors import InputError
+from dualbend.evaluation.metrics import summary
+from dualbend.evaluation.sheet import sheet_report, sheet_warning
 from dualbend.run.permanent_set import hinge_moments, permanent_curvature
-from dualbend.run.scenario import Scenario, load_scenario
-from dualbend.scene.sheet import StripConfig, add_sheet, bend_joint, hinge_springs, hinge_stiffness
-from dualbend.task.bending import PHASES
+from dualbend.scenario.load import load_scenario
+from dualbend.scenario.motion import PHASES
+from dualbend.scenario.scenario import Scenario
+from dualbend.scene.sheet.strips import (
+    StripConfig,
+    add_sheet,
+    bend_joint,
+    hinge_springs,
+    hinge_stiffness,
+)
+from dualbend.validation.cases import material as vm
 
 METAL = vm.yielding_sheet(find_material("5052-H32"))
 STRIPS = StripConfig(hinges=4, springs=6)

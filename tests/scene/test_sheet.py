@@ -10,7 +10,7 @@ from scipy import linalg
 
 from dualbend.beam import elastica
 from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
-from dualbend.scene.sheet import (
+from dualbend.scene.sheet.strips import (
     CLAMPED_FIRST_ROOT,
     LEFT_END,
     RIGHT_END,

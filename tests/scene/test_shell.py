@@ -5,13 +5,12 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from sheets import STRIP
 
-from dualbend.analysis.validation_shell import settle, shell_config
-from dualbend.beam import elastica, rod
+from dualbend.beam import elastica
+from dualbend.beam.rod import planar as rod
 from dualbend.errors import InputError
-from dualbend.run.scenario import load_scenario
-from dualbend.scene.shell import (
+from dualbend.scenario.load import load_scenario
+from dualbend.scene.sheet.shell import (
     ShellConfig,
     add_shell,
     column_arcs,
@@ -22,6 +21,8 @@ from dualbend.scene.shell import (
     row_shares,
     set_elasticity,
 )
+from dualbend.validation.cases.shell import settle, shell_config
+from support.sheets import STRIP
 
 CONFIG = ShellConfig(cells_along=12, cells_across=5)
 NU = STRIP.poisson_ratio

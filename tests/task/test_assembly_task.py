@@ -17,15 +17,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
-from sheets import STRIP
 
 from dualbend.beam.path import ExactPath
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
-from dualbend.control.alter import COMMAND_PERIOD_S
-from dualbend.control.object_admittance import ObjectComplianceConfig
-from dualbend.task.assembly import AssemblyTask, search_pattern
-from dualbend.task.assembly_config import AssemblyConfig, SearchConfig, SpeedsConfig
-from dualbend.task.assembly_motion import PHASES, Goal, Posture, Sensed, TaskStopped
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.compliance.object import ObjectComplianceConfig
+from dualbend.run.outcome import TaskStopped
+from dualbend.scenario.assembly import AssemblyConfig, SearchConfig, SpeedsConfig
+from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
+from dualbend.task.assembly.program import AssemblyTask, search_pattern
+from support.sheets import STRIP
 
 Array = NDArray[np.float64]
 T, WEIGHT_N = STRIP.thickness_m, STRIP.mass_kg * GRAVITY_M_PER_S2

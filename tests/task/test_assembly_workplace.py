@@ -8,10 +8,10 @@ import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sheets import STRIP
 
 from dualbend.errors import InputError
-from dualbend.scene.bed import (
+from dualbend.scenario.assembly import AssemblyConfig
+from dualbend.scene.bed.config import (
     BedConfig,
     HolePairConfig,
     HolesConfig,
@@ -19,8 +19,8 @@ from dualbend.scene.bed import (
     PinsConfig,
     StandConfig,
 )
-from dualbend.task.assembly_config import AssemblyConfig
-from dualbend.task.assembly_workplace import JAW_ROOM_M, LIFT_ROOM_M, check_workplace
+from dualbend.task.assembly.workplace import JAW_ROOM_M, LIFT_ROOM_M, check_workplace
+from support.sheets import STRIP
 
 FINE = AssemblyConfig()
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from dualbend.errors import InputError
-from dualbend.run.runner import SPACE_COLUMNS, BendingRun
-from dualbend.run.scenario import load_scenario
-from dualbend.task.bending import nominal_motion
-from dualbend.task.misalignment import GripError, MisalignmentConfig, errors_over_time
+from dualbend.scenario.load import load_scenario
+from dualbend.scenario.misalignment import GripError, MisalignmentConfig, errors_over_time
+from dualbend.scenario.motion import nominal_motion
+from dualbend.task.bending.run import SPACE_COLUMNS, BendingRun
 
 SHORT = ("path.end_rad=0.2", "motion.hold_s=0.1")
 ERROR = MisalignmentConfig(right=GripError(lateral_m=1e-3, roll_rad=0.02, yaw_rad=-0.01))

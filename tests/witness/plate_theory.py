@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_bvp, trapezoid
 from scipy.interpolate import CubicSpline
 
-from dualbend.beam import rod
+from dualbend.beam.rod import planar as rod
 from dualbend.beam.sheet import Sheet
 
 Vector = NDArray[np.float64]

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from witness_rows import Report
 
-from dualbend.analysis import dh
-from dualbend.scene import arm
+from dualbend.arm import mjcf as arm
+from dualbend.validation import dh
 
 Vector = NDArray[np.float64]
 

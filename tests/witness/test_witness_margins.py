@@ -11,13 +11,14 @@ import pytest
 from numpy.typing import NDArray
 from witness_rows import Report
 
-from dualbend.analysis.stability import judge
-from dualbend.analysis.stability_loop import LoopElements, SampledLoop, si_per_unit
-from dualbend.analysis.stability_margins import Sweep, eigenloci, loop_margins
-from dualbend.analysis.stability_stiffness import Environment, environments
-from dualbend.control.alter import COMMAND_PERIOD_S
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.filters import NYQUIST_HZ
-from dualbend.run.scenario import Scenario, load_scenario
+from dualbend.scenario.load import load_scenario
+from dualbend.scenario.scenario import Scenario
+from dualbend.stability.margins import Sweep, eigenloci, loop_margins
+from dualbend.stability.plant.environment import Environment, environments
+from dualbend.stability.prediction import judge
+from dualbend.stability.sampled import LoopElements, SampledLoop, si_per_unit
 
 Vector = NDArray[np.float64]
 ComplexVector = NDArray[np.complex128]

@@ -11,8 +11,8 @@ import pytest
 from witness_rows import Report
 from witness_sheet import SHIPPED, WIDE, Points, exact, piecewise, poses, simulated, theory
 
-from dualbend.analysis.validation_sheet import first_peak_moment
 from dualbend.beam.sheet import Sheet
+from dualbend.validation.cases.sheet import first_peak_moment
 
 WITNESS = "CalculiX"
 FORCE_TOLERANCE, MOMENT_TOLERANCE = 0.02, 0.03

@@ -10,8 +10,8 @@ import pytest
 from witness_rows import Report
 from witness_sheet import WIDE, Points, exact, piecewise, poses, simulated, theory
 
-from dualbend.analysis.validation_sheet import first_peak_moment
 from dualbend.beam.sheet import Sheet
+from dualbend.validation.cases.sheet import first_peak_moment
 
 WITNESS = "PyElastica"
 ELEMENTS = 20

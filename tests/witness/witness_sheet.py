@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.analysis.validation_sheet import (
+from dualbend.beam.path import BendingPath, ExactPath, PiecewiseLinearPath
+from dualbend.beam.sheet import Sheet
+from dualbend.validation.cases.sheet import (
     INTERVAL_RAD,
     EndLoads,
     default_sheet,
     oracle_loads,
     settled_loads,
 )
-from dualbend.beam.path import BendingPath, ExactPath, PiecewiseLinearPath
-from dualbend.beam.sheet import Sheet
 
 Vector = NDArray[np.float64]
 

@@ -1,1 +1,1 @@
-"""What the sheet wants: its material, the elastica, the rod off the optimum, and the paths."""
+"""Mechanics of the sheet: material, section, elastica, rods, and the paths of its grips."""

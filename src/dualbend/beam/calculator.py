@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from dualbend.beam import elastica, rod
+from dualbend.beam import elastica
 from dualbend.beam.laminate import stack
 from dualbend.beam.material import Material, find_material
 from dualbend.beam.rigidity import Rigidity, searle_parameter
+from dualbend.beam.rod import planar as rod
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 
@@ -33,7 +34,8 @@ def bent_sheet(
     """Return force, moment, half distance, rise and largest curvature of a symmetric state.
 
     Without a half distance the grips are where they feel no moment, paper (3). Without a weight
-    that state is the closed form (1)-(5); everything else is solved by :mod:`dualbend.beam.rod`.
+    that state is the closed form (1)-(5); everything else is solved by
+    :mod:`dualbend.beam.rod.planar`.
     Beside it: the bending stiffness taken, each way's over EI and the change of force that the
     others would make [%]; with a material's limit the surface strain, the limit and whether it is
     exceeded.

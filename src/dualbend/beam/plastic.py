@@ -17,13 +17,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dualbend.beam.laminate import Laminate
 from dualbend.beam.material import Material
 from dualbend.errors import InputError
-
-Vector = NDArray[np.float64]
+from dualbend.types import Vector
 
 REACH = 12.0
 """Curvature over that of first yield up to which a hinge's springs are fitted."""

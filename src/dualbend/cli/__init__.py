@@ -37,7 +37,6 @@ for _command in (
     theory.beam,
     materials.materials,
     theory.validate,
-    theory.audit,
     judge.check,
     judge.compare,
     report.report,

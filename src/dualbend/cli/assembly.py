@@ -24,9 +24,9 @@ def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
     """
     import json
 
-    from dualbend.run.assembly_run import assembly_plan
-    from dualbend.run.scenario import load_scenario
-    from dualbend.task.assembly_plan import plan_summary
+    from dualbend.planning.plan import plan_summary
+    from dualbend.scenario.load import load_scenario
+    from dualbend.task.assembly.run import assembly_plan
 
     loaded = load_scenario(scenario, settings)
     found = plan_summary(assembly_plan(loaded), loaded.path.end_rad)
@@ -61,12 +61,12 @@ def robustness(
     The errors are drawn with the standard deviations of assembly.spread. The same command goes on
     with a study that was interrupted.
     """
-    from dualbend.analysis.figures_robustness import plot_success
-    from dualbend.analysis.robustness_study import run_study
-    from dualbend.analysis.robustness_summary import summarise, table
     from dualbend.errors import InputError
     from dualbend.run.output import uninterrupted, write_summary
-    from dualbend.run.scenario import load_scenario
+    from dualbend.scenario.load import load_scenario
+    from dualbend.study.robustness.figure import plot_success
+    from dualbend.study.robustness.run import run_study
+    from dualbend.study.robustness.summary import summarise, table
 
     loaded = load_scenario(scenario, settings)
     folder = out if out is not None else Path("runs") / f"{loaded.name}-robustness"

@@ -12,7 +12,7 @@ from dualbend.cli.common import complete_scenarios, deliver, examples
 @click.command("list", epilog=examples("dualbend list"))
 def list_command() -> None:
     """List the shipped scenarios."""
-    from dualbend.run import shipped
+    from dualbend.scenario import shipped
 
     click.echo(shipped.table())
 
@@ -35,7 +35,7 @@ def new(name: str, base: str) -> None:
 
     Keys at their default are comments. An existing file is left as it is.
     """
-    from dualbend.run.new import write_scenario
+    from dualbend.scenario.template import write_scenario
 
     path = write_scenario(name, base)
     click.echo(f"{path}: edit it, then dualbend run {path}")
@@ -45,7 +45,7 @@ def new(name: str, base: str) -> None:
 @click.option("--out", type=click.Path(path_type=Path), help="File to write; none: print.")
 def schema(out: Path | None) -> None:
     """Give the JSON schema of a scenario file, for editors."""
-    from dualbend.run.schema import schema_text
+    from dualbend.scenario.schema import schema_text
 
     deliver(schema_text(), out)
 
@@ -54,6 +54,6 @@ def schema(out: Path | None) -> None:
 @click.option("--out", type=click.Path(path_type=Path), help="File to write; none: print.")
 def reference(out: Path | None) -> None:
     """Give every section and key of a scenario as Markdown."""
-    from dualbend.run.reference import reference_markdown
+    from dualbend.scenario.reference import reference_markdown
 
     deliver(reference_markdown(), out)

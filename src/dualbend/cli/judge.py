@@ -34,9 +34,9 @@ def check(
     Exit code 1 where a metric moved beyond its tolerance, for the worse or for the better. Without
     a SCENARIO all that the baseline holds are run.
     """
-    from dualbend.analysis import check_report
-    from dualbend.analysis.check import check as judge
-    from dualbend.analysis.check_run import Measured
+    from dualbend.check import report as check_report
+    from dualbend.check.check import check as judge
+    from dualbend.check.measure import Measured
 
     def tell(one: Measured) -> None:
         said = f"{one.name}: {one.outcome} {one.end or ''}".rstrip()
@@ -67,7 +67,7 @@ def compare(run_a: Path, run_b: Path, out: Path | None, record: bool) -> None:
     RUN_A and RUN_B are folders that dualbend run left. Prints metrics and what was set otherwise;
     with --out, writes compare.txt, compare.png and compare.rrd.
     """
-    from dualbend.analysis.compare import compare_runs, report_text, write_comparison
+    from dualbend.report.compare import compare_runs, report_text, write_comparison
     from dualbend.run.saved import load_run
 
     first, second = load_run(run_a), load_run(run_b)

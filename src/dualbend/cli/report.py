@@ -27,7 +27,7 @@ def report(runs: tuple[Path, ...], out: Path | None) -> None:
 
     DIR is a folder that dualbend run left. Several are put side by side on one scale.
     """
-    from dualbend.analysis.report import write_report
+    from dualbend.report.page import write_report
 
     if out is None:
         out = runs[0] / "report.html" if len(runs) == 1 else Path("report.html")
@@ -50,8 +50,8 @@ def figures(out: Path, settings: tuple[str, ...]) -> None:
     Figs. 6, 8 and 9: runs fig6, fig8 and fig9 and leaves each figure and all beside each other as
     PNG and SVG, and the report of the three runs.
     """
-    from dualbend.analysis.figures_paper import make_figures
-    from dualbend.analysis.report import PAPER_FIGURES
+    from dualbend.report.page import PAPER_FIGURES
+    from dualbend.study.paper_figures import make_figures
 
     runs = make_figures(
         out, settings, lambda run: click.echo(f"{run.scenario.name} done", err=True)

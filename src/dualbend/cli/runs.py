@@ -20,9 +20,9 @@ from dualbend.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from dualbend.run.recording_live import LiveRecording
-    from dualbend.run.runner import Run, RunResult
-    from dualbend.run.scenario import Scenario
+    from dualbend.recording.live import LiveRecording
+    from dualbend.run.loop import Run, RunResult
+    from dualbend.scenario.scenario import Scenario
 
 
 @click.command(
@@ -60,10 +60,10 @@ def run(
     if scenario is None:
         _which_scenario(asked=not _any_given())
         return
-    from dualbend.analysis.sheet_report import sheet_report, sheet_warning
+    from dualbend.evaluation.sheet import sheet_report, sheet_warning
     from dualbend.run.make import make_run
     from dualbend.run.output import prepare_folder, trace_kept, uninterrupted
-    from dualbend.run.scenario import load_scenario
+    from dualbend.scenario.load import load_scenario
 
     loaded = load_scenario(scenario, settings, seed)
     folder = out if out is not None else Path("runs") / loaded.name
@@ -104,8 +104,8 @@ def run(
 
 def _tell_stability(scenario: Scenario) -> None:
     """Say what is predicted of the loop; what cannot be predicted may run all the same."""
-    from dualbend.analysis.stability import predict
     from dualbend.errors import InputError
+    from dualbend.stability.prediction import predict
 
     try:
         prediction = predict(scenario)
@@ -127,7 +127,7 @@ def _live(
 ) -> AbstractContextManager[LiveRecording]:
     """Return the live picture of a run in a viewer that answers."""
     from dualbend.errors import InputError
-    from dualbend.run.recording_live import LiveRecording, check_viewer
+    from dualbend.recording.live import LiveRecording, check_viewer
 
     viewer = check_viewer(address, screen=_has_screen())
     path = folder / "run.rrd" if record else None
@@ -153,7 +153,7 @@ def _any_given() -> bool:
 def _which_scenario(*, asked: bool) -> None:
     """Show the scenarios: to who asks they are the answer, options without one are an error."""
     from dualbend.errors import InputError
-    from dualbend.run import shipped
+    from dualbend.scenario import shipped
 
     if not asked:
         raise InputError(f"run needs a SCENARIO: {', '.join(shipped.descriptions())}, or a file")
@@ -165,13 +165,13 @@ def _write(
     result: RunResult, folder: Path, record: bool, picture: LiveRecording | None
 ) -> list[str]:
     """Write everything that a run leaves and print what matters; return what could not be."""
-    from dualbend.analysis.metrics import summary
-    from dualbend.analysis.results import write_results
+    from dualbend.evaluation.metrics import summary
+    from dualbend.report.results import write_results
 
     numbers = summary(result)
     notes = None
     if picture is not None:
-        from dualbend.analysis.recording_notes import notes_of
+        from dualbend.recording.prediction import notes_of
 
         notes = notes_of(result, numbers)
         picture.end(result, notes)
@@ -234,13 +234,13 @@ def render(
 
     A video (.gif) or a picture (.png).
     """
-    from dualbend.run import offscreen
+    from dualbend.recording import offscreen
 
     offscreen.prepare()  # before anything imports MuJoCo
 
+    from dualbend.recording.render import Look, check_look, write_video
     from dualbend.run.make import make_run
-    from dualbend.run.render import Look, check_look, write_video
-    from dualbend.run.scenario import load_scenario
+    from dualbend.scenario.load import load_scenario
 
     look = Look(camera=camera, fps=fps, speed=speed, width_px=width, at_s=at_s, inset=inset)
     ready = make_run(load_scenario(scenario, settings, seed))
@@ -264,11 +264,11 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
     """
     from dualbend.errors import InputError
     from dualbend.run.make import make_run
-    from dualbend.run.scenario import load_scenario
+    from dualbend.scenario.load import load_scenario
 
     if not _has_screen():
         raise InputError("view needs a screen; without one, dualbend run writes run.rrd instead")
-    from dualbend.run.viewer import run_in_viewer
+    from dualbend.recording.viewer import run_in_viewer
 
     result = run_in_viewer(make_run(load_scenario(scenario, settings)))
     click.echo(f"{result.outcome} {result.reason}".rstrip())
@@ -287,7 +287,7 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
     """
     from dualbend.errors import InputError
     from dualbend.run.make import make_run
-    from dualbend.run.scenario import load_scenario
+    from dualbend.scenario.load import load_scenario
 
     xml = make_run(load_scenario(scenario, settings)).scene_xml()
     try:
@@ -308,8 +308,8 @@ def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
     """
     import msgspec
 
-    from dualbend.analysis.benchmark import benchmark as measure
-    from dualbend.run.scenario import load_scenario
+    from dualbend.scenario.load import load_scenario
+    from dualbend.study.benchmark import benchmark as measure
 
     for name, value in msgspec.to_builtins(
         measure(load_scenario(scenario, settings), repeat)

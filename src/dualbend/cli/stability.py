@@ -11,8 +11,8 @@ import click
 from dualbend.cli.common import EXIT_FAILED_CHECK, SETTINGS, complete_scenarios, examples
 
 if TYPE_CHECKING:
-    from dualbend.analysis.stability import Prediction
-    from dualbend.run.scenario import Scenario
+    from dualbend.scenario.scenario import Scenario
+    from dualbend.stability.prediction import Prediction
 
 
 @click.command(epilog=examples("dualbend stability fig9 --map fig9.png"))
@@ -70,9 +70,9 @@ def stability(
 
     Margins along the path, before any run; or, with --confront, prediction against simulation.
     """
-    from dualbend.analysis.stability import predict
     from dualbend.errors import InputError
-    from dualbend.run.scenario import load_scenario
+    from dualbend.scenario.load import load_scenario
+    from dualbend.stability.prediction import predict
 
     loaded = load_scenario(scenario, settings)
     if confronted:
@@ -82,8 +82,8 @@ def stability(
         raise InputError("--out and --workers belong to --confront")
     prediction = predict(loaded, axis)
     if map_file is not None and prediction.rows:
-        from dualbend.analysis.figures import plot_stability_map
-        from dualbend.analysis.stability_map import stability_map
+        from dualbend.report.figures import plot_stability_map
+        from dualbend.stability.map import stability_map
 
         panels = stability_map(loaded, prediction, map_b, map_k)
         plot_stability_map(panels, loaded.name, map_file)
@@ -103,9 +103,9 @@ def _confront(
     as_json: bool,
 ) -> None:
     """Bisect, tell each case as it is found, and leave table and picture beside the numbers."""
-    from dualbend.analysis.confront import AXES, confront
-    from dualbend.analysis.confront_report import describe_case, summary, write_report
-    from dualbend.analysis.figures_confront import plot_confrontation
+    from dualbend.study.onset.bisection import AXES, confront
+    from dualbend.study.onset.figure import plot_confrontation
+    from dualbend.study.onset.report import describe_case, summary, write_report
 
     found = confront(
         loaded,
@@ -176,10 +176,10 @@ def tune(
 
     At required margins, verified by simulation. Takes a minute or two.
     """
-    from dualbend.analysis.tuning import Margin, write_scenario
-    from dualbend.analysis.tuning import tune as search
     from dualbend.errors import InputError
-    from dualbend.run.scenario import load_scenario
+    from dualbend.scenario.load import load_scenario
+    from dualbend.stability.tuning import Margin, write_scenario
+    from dualbend.stability.tuning import tune as search
 
     if settings and out is not None:
         raise InputError("--out writes what differs from SCENARIO itself: put --set into a file")

@@ -29,11 +29,11 @@ def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | No
     FILE says which (docs/sweeps.md), or is the folder of a sweep. The same command goes on with a
     sweep that was interrupted; of a finished one it makes table and pictures again.
     """
-    from dualbend.analysis.sweep import locally, run_sweep
-    from dualbend.analysis.sweep_design import make_design
-    from dualbend.analysis.sweep_file import load_sweep
-    from dualbend.analysis.sweep_progress import Progress
-    from dualbend.analysis.sweep_report import report_lines, write_report
+    from dualbend.study.sweep.design import make_design
+    from dualbend.study.sweep.file import load_sweep
+    from dualbend.study.sweep.progress import Progress
+    from dualbend.study.sweep.report import report_lines, write_report
+    from dualbend.study.sweep.run import locally, run_sweep
 
     if workers is not None and scheduler is not None:
         click.echo("dualbend: --workers are local, --scheduler has its own: give one", err=True)
@@ -43,7 +43,7 @@ def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | No
     folder = out or (file if file.is_dir() else Path("runs") / loaded.name)
     runs = locally(workers or os.cpu_count() or 1)
     if scheduler is not None:
-        from dualbend.analysis.sweep_dask import on_cluster
+        from dualbend.study.sweep.dask import on_cluster
 
         runs = on_cluster(scheduler, lambda note: click.echo(note, err=True))
     progress = Progress()

@@ -12,8 +12,8 @@ from dualbend.cli.common import EXIT_FAILED_CHECK, examples
 from dualbend.errors import InputError
 
 if TYPE_CHECKING:
-    from dualbend.analysis.validation import Row
     from dualbend.beam.rigidity import Rigidity
+    from dualbend.validation.table import Row
 
 
 @click.command(
@@ -95,7 +95,7 @@ def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool)
 
     Takes a minute or two; exit code 1 where a row fails.
     """
-    from dualbend.analysis.validation import run_arm_validation, run_validation
+    from dualbend.validation.table import run_arm_validation, run_validation
 
     if arm is not None and shell:
         raise InputError("--arm and --shell: one of the two")
@@ -112,8 +112,8 @@ def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool)
         # A number that could not be measured is null: NaN is no JSON.
         click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=2).decode())
     if markdown is not None:
-        from dualbend.analysis.metrics import versions
-        from dualbend.analysis.validation_page import validation_page
+        from dualbend.evaluation.metrics import versions
+        from dualbend.validation.page import validation_page
 
         _write_markdown(validation_page(rows, versions()), markdown)
     failed = [row for row in rows if not row.passed]
@@ -139,40 +139,3 @@ def _show_row(row: Row) -> None:
         f"{verdict}  {row.name:<70}{row.measured:>12.5g}{row.reference:>12.5g} "
         f"{row.unit:<8} {allowed}".rstrip()
     )
-
-
-@click.command(epilog=examples("dualbend audit --out docs/audit.md"))
-@click.option("--scan", is_flag=True, help="Make the table of readings anew first; ten minutes.")
-@click.option("--out", type=click.Path(path_type=Path), help="Markdown file to write.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def audit(scan: bool, out: Path | None, as_json: bool) -> None:
-    """Check the paper's equations and numbers.
-
-    Prints the page, or writes it.
-    """
-    from dualbend.analysis.audit import audit as check
-    from dualbend.analysis.audit import page, run_scan
-    from dualbend.analysis.audit_reading import readings
-
-    if scan:
-        with click.progressbar(
-            length=sum(1 for _ in readings()),
-            label="readings",
-            file=sys.stderr,
-            hidden=not sys.stderr.isatty(),
-        ) as bar:
-            run_scan(on_row=lambda _: bar.update(1))
-    found = check()
-    if out is not None:
-        try:
-            out.write_text(page(found), encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
-    if as_json:
-        import msgspec
-
-        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
-    elif out is None:
-        click.echo(page(found), nl=False)
-    else:
-        click.echo(f"{len(found.findings())} statements in {out}")

@@ -1,1 +1,1 @@
-"""What runs every 28 ms: sensor chain, filters, admittance, ALTER, servo; no MuJoCo here."""
+"""What runs once per command period: sensor chain, filters, compliance, ALTER, servo, guard."""

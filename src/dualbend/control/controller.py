@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dualbend.control.admittance import Compliance, horizontal_force, vertical_force
-from dualbend.control.alter import PlanarPathModification, TransportDelay
-from dualbend.control.force_torque import WrenchChain, WrenchSample
-
-Vector = NDArray[np.float64]
+from dualbend.control.alter import PlanarPathModification
+from dualbend.control.compliance.admittance import Compliance
+from dualbend.control.delay import TransportDelay
+from dualbend.control.force_torque import WrenchChain
+from dualbend.control.reading import Reading, horizontal_force, vertical_force
+from dualbend.types import Vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,26 +27,6 @@ class Command:
     deviation: Vector
     pose: Vector
     saturated: bool
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reading:
-    """One sensing arm's cycle: the sample and its forces along x_B and z_B [N]."""
-
-    sample: WrenchSample
-    force_x_n: float
-    filtered_force_x_n: float
-    filtered_force_z_n: float
-
-    @property
-    def moment_y_nm(self) -> float:
-        """Moment about the bending axis at the grip, before the low-pass."""
-        return float(self.sample.torque_grip_nm[1])
-
-    @property
-    def filtered_moment_y_nm(self) -> float:
-        """Moment about the bending axis at the grip, after the low-pass."""
-        return float(self.sample.filtered_torque_grip_nm[1])
 
 
 class ComplianceController:

@@ -16,7 +16,8 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dualbend.control.alter import COMMAND_PERIOD_S, TransferFunction, Vector
+from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
+from dualbend.types import Vector
 
 NYQUIST_HZ = 0.5 / COMMAND_PERIOD_S
 """Half the command rate [Hz], 17.857."""

@@ -11,9 +11,10 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dualbend.control.alter import TransferFunction, Vector
+from dualbend.control.clock import TransferFunction
 from dualbend.control.filters import LowPass
 from dualbend.errors import InputError
+from dualbend.types import Vector
 
 _Noise = msgspec.Meta(ge=0, description="standard deviation per axis and sample; 0: none")
 _Count = msgspec.Meta(ge=0, description="one count; 0: not rounded")

@@ -1,6 +1,6 @@
 """The joint servo: stiff, damped, with feed-forward; the stiffness that a load feels.
 
-How a command is tracked is said in :mod:`dualbend.control.command_response`; this servo follows
+How a command is tracked is said in :mod:`dualbend.control.response`; this servo follows
 that response. They are two settings because a proportional servo soft enough to answer at 2 Hz
 would give way by millimetres under a sheet, and the real arm does not.
 """
@@ -11,9 +11,9 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
+from dualbend.types import Vector
+
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 
 _COULOMB_SPEED_RAD_PER_S = 1e-4

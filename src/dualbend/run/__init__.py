@@ -1,1 +1,1 @@
-"""A run: its scenario, the loop, what it leaves behind."""
+"""A run: the command loop, its cell, its trace and what it leaves on disk."""

@@ -7,12 +7,12 @@ from typing import Any
 
 import msgspec
 
+from dualbend.arm.catalog import JOINT_COUNT
+from dualbend.arm.joint_limits import arm_room
+from dualbend.arm.model import arm_model
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
-from dualbend.run.scenario import load_scenario
-from dualbend.scene.arm_catalog import JOINT_COUNT
-from dualbend.scene.arm_model import arm_model
-from dualbend.scene.arm_room import arm_room
+from dualbend.scenario.load import load_scenario
 
 _LISTED = (
     *("name", "joint_names", "payload_kg", "reach_m", "range_rad", "speed_limit_rad_per_s"),

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from dualbend.arm.mjcf import FT_SITE, GRIP_SITE
+from dualbend.arm.model import PUMA
+from dualbend.arm.pair import ArmPair
 from dualbend.beam import elastica
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.errors import InputError
-from dualbend.run.scenario import Scenario
-from dualbend.scene.arm import FT_SITE, GRIP_SITE
-from dualbend.scene.arm_model import PUMA
-from dualbend.scene.arm_pair import SIDES, ArmPair, Side
-from dualbend.task.bending import make_path
-
-Vector = NDArray[np.float64]
+from dualbend.scenario.path import make_path
+from dualbend.scenario.scenario import Scenario
+from dualbend.types import SIDES, Side, Vector
 
 _PIECE_RAD, _FIRST_FORCE, _MOMENT = 0.2, 15.0, 2.0
 """On a linear piece of 0.2 rad from the flat on, the sheet pushes by up to 15 EI/L² more than in

@@ -7,17 +7,15 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from dualbend.arm.model import Placement, arm_model
+from dualbend.arm.pair import ArmPair, PlacedArm
+from dualbend.arm.placement import find_placement
 from dualbend.errors import InputError
-from dualbend.run.scenario import Scenario
-from dualbend.scene.arm_model import Placement, arm_model
-from dualbend.scene.arm_pair import SIDES, ArmPair, PlacedArm, Side
+from dualbend.scenario.path import make_path
+from dualbend.scenario.scenario import Scenario
 from dualbend.scene.cell import PlacementConfig
-from dualbend.scene.placement import find_placement
-from dualbend.task.bending import make_path
-
-Vector = NDArray[np.float64]
+from dualbend.types import SIDES, Side, Vector
 
 _FEWEST = 12
 """Poses for which a place is found: a path of few knots has as many of them in between."""

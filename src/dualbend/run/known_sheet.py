@@ -8,26 +8,28 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from dualbend.arm.mjcf import GRIP_SITE
+from dualbend.arm.pair import ArmPair
 from dualbend.beam import elastica
+from dualbend.beam.rod.state import RodState
+from dualbend.beam.rod.tangent import sheet_tangent, solve_grips
 from dualbend.beam.sheet import Sheet
-from dualbend.beam.state import RodState
-from dualbend.beam.tangent import sheet_tangent, solve_grips
-from dualbend.control.admittance import Admittance
-from dualbend.control.alter import AlterConfig, steps_per_cycle
-from dualbend.control.model_admittance import ModelAdmittance
-from dualbend.control.predictor import ResponseModel
-from dualbend.control.schedule import KnownSheet
+from dualbend.control.alter import AlterConfig
+from dualbend.control.clock import steps_per_cycle
+from dualbend.control.compliance.admittance import Admittance
+from dualbend.control.compliance.model import ModelAdmittance
+from dualbend.control.compliance.predictor import ResponseModel
+from dualbend.control.compliance.schedule import KnownSheet
 from dualbend.errors import InputError
+from dualbend.mechanics.tool import tool_inertia
 from dualbend.run.arms import arm_pair, joint_stiffness, one_kind
-from dualbend.run.scenario import ArmsConfig, Scenario, SheetConfig
-from dualbend.scene.arm import GRIP_SITE
-from dualbend.scene.arm_pair import ArmPair
-from dualbend.scene.cell import SIDES, CellConfig, GraspConfig, robots_only
+from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.sections import ArmsConfig
+from dualbend.scenario.sheet import SheetConfig
+from dualbend.scene.cell import CellConfig, GraspConfig, robots_only
 from dualbend.scene.ik import InverseKinematics, grip_targets
-
-Vector = NDArray[np.float64]
+from dualbend.types import SIDES, Vector
 
 _FIRST_RAD, _DENSE_TO_RAD, _DENSE_RAD, _STEP_RAD = 0.01, 0.1, 0.005, 0.025
 """The tables' angles: denser where the stiffness falls steeply."""
@@ -231,20 +233,3 @@ class ArmGive:
         planar = np.vstack([translation[[0, 2]], rotation[1]])[:, self._left]
         compliance = (planar * self._per_torque) @ planar.T
         return np.asarray(compliance), tool_inertia(model, data, self._site)
-
-
-def tool_inertia(model: mujoco.MjModel, data: mujoco.MjData, site: int) -> Vector:
-    """Return the inertia (3, 3) in x, z, α of what hangs beyond the left sensor, at its grip."""
-    inertia, hand = np.zeros((3, 3)), model.body(f"{SIDES[0]}_hand").id
-    for body in range(hand, model.nbody):
-        above = body
-        while above > hand:
-            above = int(model.body_parentid[above])
-        if above != hand:
-            continue
-        lever = data.xipos[body] - data.site_xpos[site]
-        moves = np.array([[1.0, 0.0, lever[2]], [0.0, 1.0, -lever[0]]])
-        inertia += model.body_mass[body] * moves.T @ moves
-        axis = data.ximat[body].reshape(3, 3)[1]
-        inertia[2, 2] += float(axis**2 @ model.body_inertia[body])
-    return inertia

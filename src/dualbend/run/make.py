@@ -1,8 +1,9 @@
 """The kind of run that a scenario asks for."""
 
-from dualbend.run.assembly_run import AssemblyRun
-from dualbend.run.runner import BendingRun, Run
-from dualbend.run.scenario import Scenario
+from dualbend.run.loop import Run
+from dualbend.scenario.scenario import Scenario
+from dualbend.task.assembly.run import AssemblyRun
+from dualbend.task.bending.run import BendingRun
 
 
 def make_run(scenario: Scenario) -> Run:

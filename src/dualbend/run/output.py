@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from dualbend.errors import InputError
-from dualbend.run.runner import Run, RunResult
+from dualbend.run.loop import Run, RunResult
 from dualbend.run.trace import TraceStream
 
 

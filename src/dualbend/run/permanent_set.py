@@ -7,12 +7,10 @@ followed at every step or every 28 ms, as long as it turns one way in between.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dualbend.run.runner import RunResult
-from dualbend.scene.sheet import hinge_springs
-
-Vector = NDArray[np.float64]
+from dualbend.run.loop import RunResult
+from dualbend.scene.sheet.strips import hinge_springs
+from dualbend.types import Vector
 
 
 def hinge_moments(result: RunResult) -> Vector:

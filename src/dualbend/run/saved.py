@@ -10,17 +10,15 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
 from dualbend.errors import InputError
-from dualbend.run.scenario import Scenario, load_scenario, parse_scenario
 from dualbend.run.trace import read_trace
-from dualbend.scene.cell import SIDES
-from dualbend.task import assembly_motion, bending
-
-Vector = NDArray[np.float64]
+from dualbend.scenario import motion as bending
+from dualbend.scenario.load import load_scenario, parse_scenario
+from dualbend.scenario.scenario import Scenario
+from dualbend.task.assembly import motions as assembly_motion
+from dualbend.types import SIDES, Vector
 
 FILES = ("scenario.toml", "summary.json", "trace.parquet")
 """What makes a folder a run; pictures and recording are made from these."""

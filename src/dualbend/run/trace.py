@@ -11,16 +11,14 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
-from dualbend.control.alter import COMMAND_PERIOD_S
-from dualbend.control.controller import Command, Reading
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.controller import Command
+from dualbend.control.reading import Reading
 from dualbend.errors import InputError
-from dualbend.scene.cell import SIDES
 from dualbend.scene.ik import IKSolution
 from dualbend.scene.simulation import Observation
-
-Vector = NDArray[np.float64]
+from dualbend.types import SIDES, Vector
 
 WALL_CLOCK_COLUMNS = ("wall_s",)
 """Columns that differ between two runs of one seed."""

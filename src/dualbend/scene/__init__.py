@@ -1,1 +1,1 @@
-"""What MuJoCo simulates: arms, sheet, cell; and the inverse kinematics."""
+"""What MuJoCo simulates: cell, sheet and bed; inverse kinematics and the only physics stepper."""

@@ -7,15 +7,16 @@ from typing import Annotated
 import msgspec
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from dualbend.arm import mjcf as arm
+from dualbend.arm.pair import ArmPair
 from dualbend.beam.sheet import Sheet
 from dualbend.control.servo import JointServo
-from dualbend.scene import arm
-from dualbend.scene.arm_pair import SIDES, ArmPair, Side
-from dualbend.scene.bed import GRIPPING, LayoutConfig, add_holes, add_workplace
-from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig, add_sheet
-from dualbend.scene.shell import ShellConfig, add_shell, prepare_for_shell
+from dualbend.scene.bed.config import LayoutConfig
+from dualbend.scene.bed.mjcf import GRIPPING, add_holes, add_workplace
+from dualbend.scene.sheet.shell import ShellConfig, add_shell, prepare_for_shell
+from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig, add_sheet
+from dualbend.types import SIDES, Side
 
 __all__ = [
     "PAD_SITE",
@@ -29,7 +30,6 @@ __all__ = [
     "without_looks",
 ]
 
-Vector = NDArray[np.float64]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 
 PAD_SITE = "pad"

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from dualbend.scene import arm
-from dualbend.scene.bed import GRIPPING
-from dualbend.scene.cell import PAD_SITE, SIDES
-from dualbend.scene.sheet import LEFT_END, RIGHT_END
-
-Vector = NDArray[np.float64]
+from dualbend.arm import mjcf as arm
+from dualbend.scene.bed.mjcf import GRIPPING
+from dualbend.scene.cell import PAD_SITE
+from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
+from dualbend.types import SIDES, Vector
 
 _SQUEEZE_M = 4e-4
 """How far beyond closed the jaws are driven: 8 N less friction on what is between them."""

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import mink
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from dualbend.arm.mjcf import GRIP_SITE
 from dualbend.errors import InputError
-from dualbend.scene.arm import GRIP_SITE
-from dualbend.scene.cell import SIDES
+from dualbend.types import SIDES, Vector
 
-Vector = NDArray[np.float64]
 Targets = tuple[mink.SE3, mink.SE3]
 """World poses of the left and the right grip frame."""
 

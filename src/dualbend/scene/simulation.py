@@ -7,16 +7,15 @@ from typing import Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from dualbend.control.alter import TransportDelay, steps_per_cycle
-from dualbend.scene import arm
-from dualbend.scene.arm_pair import arm_joints
-from dualbend.scene.cell import PAD_SITE, SIDES, GraspConfig
-from dualbend.scene.sheet import LEFT_END, RIGHT_END, StripConfig
-from dualbend.scene.sheet_model import SheetModel, StripModel
-
-Vector = NDArray[np.float64]
+from dualbend.arm import mjcf as arm
+from dualbend.arm.pair import arm_joints
+from dualbend.control.clock import steps_per_cycle
+from dualbend.control.delay import TransportDelay
+from dualbend.scene.cell import PAD_SITE, GraspConfig
+from dualbend.scene.sheet.model import SheetModel, StripModel
+from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
+from dualbend.types import SIDES, Vector
 
 # A turn by π about z takes the left arm's bending frame to the right arm's: x and y change sign.
 BENDING_TO_WORLD = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])

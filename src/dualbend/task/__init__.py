@@ -1,1 +1,1 @@
-"""What the robots do: the phases of an experiment."""
+"""What the robots do: bending and assembly."""

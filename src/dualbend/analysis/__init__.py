@@ -1,1 +1,0 @@
-"""What is learnt from runs and models: metrics, validation, figures."""

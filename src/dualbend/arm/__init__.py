@@ -1,0 +1,1 @@
+"""Robot arms: models from MJCF or URDF, kinematics, placement and joint limits."""

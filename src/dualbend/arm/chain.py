@@ -1,0 +1,174 @@
+"""Many configurations of one arm at once: forward kinematics, Jacobian, inverse kinematics.
+
+A product of exponentials in NumPy, T(q) = e^{S_1 q_1} ... e^{S_n q_n} M, whose screws S and rest
+pose M are read from the compiled arm: fast enough to try thousands of places for a base.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from dualbend.arm.catalog import ArmName
+from dualbend.arm.mjcf import GRIP_SITE, with_gripper
+from dualbend.arm.model import arm_model
+from dualbend.types import Vector
+
+_DAMPING = 1e-4
+"""Of the damped least squares, over the squared length: bounds a step near a singular pose."""
+
+_LARGEST_STEP_RAD = 0.5
+_SOLVED, _STILL_RAD = 1e-9, 1e-6
+_EYE = np.eye(3)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SerialChain:
+    """An arm with the gripper: axes and points of its joints at q = 0, the grip's pose there.
+
+    Attributes
+    ----------
+    axes, points : (n, 3) unit vectors and places [m] in the base frame at q = 0
+    grip : (4, 4) pose of the grip frame at q = 0
+    range_rad : (n, 2)
+    length_m : scale that makes turns and ways comparable, the arm's reach
+    """
+
+    axes: Vector
+    points: Vector
+    grip: Vector
+    range_rad: Vector
+    length_m: float
+
+    @property
+    def count(self) -> int:
+        """Number of joints."""
+        return len(self.axes)
+
+    def forward(self, q: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+        """Return the grip's rotation (b, 3, 3) and place (b, 3), joint axes and points (b, n, 3).
+
+        ``q`` (b, n) [rad]; everything in the base frame.
+        """
+        rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))
+        place = np.zeros((len(q), 3))
+        axes, points = np.empty((2, len(q), self.count, 3))
+        for i in range(self.count):
+            axes[:, i] = rotation @ self.axes[i]
+            points[:, i] = rotation @ self.points[i] + place
+            turn = self._about(i, q[:, i])
+            place = place + (rotation @ (self.points[i] - turn @ self.points[i])[..., None])[..., 0]
+            rotation = rotation @ turn
+        grip = rotation @ self.grip[:3, 3] + place
+        return rotation @ self.grip[:3, :3], grip, axes, points
+
+    def jacobian(self, grip: Vector, axes: Vector, points: Vector) -> Vector:
+        """Return the grip's Jacobian (b, 6, n), velocity over the length, then turn rate."""
+        velocity = np.cross(axes, grip[:, None] - points) / self.length_m
+        return np.concatenate((velocity, axes), axis=2).transpose(0, 2, 1)
+
+    def solve(
+        self, rotation: Vector, place: Vector, q: Vector, posture: Vector | None, iterations: int
+    ) -> tuple[Vector, Vector]:
+        """Move configurations (b, n) towards grip poses (b, 3, 3), (b, 3) in the base frame.
+
+        Damped least squares, kept within the ranges; with a posture (b, n) a redundant arm comes
+        as near to it as the pose lets it. Returns q and the misses (b,), in lengths and rad.
+        """
+        low, high = self.range_rad.T
+        for _ in range(iterations):
+            error, jacobian = self._error(rotation, place, q)
+            solved = bool(_miss(error).max() < _SOLVED)
+            if solved and (posture is None or self.count <= 6):
+                break
+            square = jacobian @ jacobian.transpose(0, 2, 1) + _DAMPING * _miss(error)[
+                :, None, None
+            ] * np.eye(6)
+            inverse = jacobian.transpose(0, 2, 1) @ np.linalg.inv(square)
+            step = (inverse @ error[..., None])[..., 0]
+            if posture is not None and self.count > 6:
+                pull = posture - q
+                step += pull - (inverse @ (jacobian @ pull[..., None]))[..., 0]
+            largest = np.abs(step).max(axis=1, keepdims=True)
+            if solved and largest.max() < _STILL_RAD:
+                break
+            step *= np.minimum(1.0, _LARGEST_STEP_RAD / np.maximum(largest, 1e-12))
+            q = np.clip(q + step, low, high)
+        return q, _miss(self._error(rotation, place, q)[0])
+
+    def _error(self, rotation: Vector, place: Vector, q: Vector) -> tuple[Vector, Vector]:
+        found, grip, axes, points = self.forward(q)
+        turn = rotation @ found.transpose(0, 2, 1)
+        # The vector of a rotation from its skew part, well defined up to half a turn.
+        skew = 0.5 * np.stack(
+            (
+                turn[:, 2, 1] - turn[:, 1, 2],
+                turn[:, 0, 2] - turn[:, 2, 0],
+                turn[:, 1, 0] - turn[:, 0, 1],
+            ),
+            axis=1,
+        )
+        sine = np.linalg.norm(skew, axis=1)
+        cosine = 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0)
+        angle = np.arctan2(sine, cosine)
+        error = np.concatenate(
+            ((place - grip) / self.length_m, skew * _ratio(angle, sine)[:, None]), axis=1
+        )
+        return error, self.jacobian(grip, axes, points)
+
+    @functools.cached_property
+    def _crosses(self) -> Vector:
+        """Matrices (n, 2, 3, 3) of the axes' cross products and their squares."""
+        x, y, z = self.axes.T
+        none = np.zeros(self.count)
+        K = np.stack((none, -z, y, z, none, -x, -y, x, none), axis=1).reshape(-1, 3, 3)
+        return np.stack((K, K @ K), axis=1)
+
+    def _about(self, joint: int, angle: Vector) -> Vector:
+        """Return rotations (b, 3, 3) of a joint by angles (b,); Rodrigues."""
+        s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+        K, square = self._crosses[joint]
+        return np.asarray(_EYE + s * K + (1.0 - c) * square)
+
+    def manipulability(self, q: Vector) -> Vector:
+        """Return √det(J Jᵀ) (b,) [-] of the Jacobian scaled by the length; Yoshikawa (1985)."""
+        _, grip, axes, points = self.forward(q)
+        return volume(self.jacobian(grip, axes, points))
+
+
+def volume(jacobian: Vector) -> Vector:
+    """Return √det(J Jᵀ) (b,) of Jacobians (b, 6, n)."""
+    square = np.linalg.det(jacobian @ jacobian.transpose(0, 2, 1))
+    return np.asarray(np.sqrt(np.maximum(square, 0.0)))
+
+
+def _miss(error: Vector) -> Vector:
+    return np.asarray(np.linalg.norm(error, axis=1))
+
+
+def _ratio(angle: Vector, sine: Vector) -> Vector:
+    small = sine < 1e-9
+    return np.where(small, 1.0, angle / np.where(small, 1.0, sine))
+
+
+@functools.cache
+def serial_chain(name: ArmName) -> SerialChain:
+    """Return the chain of an arm with the gripper at its flange."""
+    arm = arm_model(name)
+    model = with_gripper(arm.spec(looks=False)).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    joints = [model.joint(joint).id for joint in arm.joints]
+    grip = np.eye(4)
+    site = data.site(f"tool_{GRIP_SITE}")
+    grip[:3, :3], grip[:3, 3] = site.xmat.reshape(3, 3), site.xpos
+    return SerialChain(
+        axes=data.xaxis[joints].copy(),
+        points=data.xanchor[joints].copy(),
+        grip=grip,
+        range_rad=np.array(arm.range_rad),
+        length_m=arm.reach_m,
+    )

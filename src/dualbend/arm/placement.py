@@ -1,0 +1,323 @@
+"""Where an arm should stand for its work: base, elbow and wrist branch, found by trial.
+
+The best place has the largest smallest share of what runs out first along the path: manipulability,
+over the arm's largest, or room to a joint's limit, over half its range. Thousands of places and
+branches are tried at once on a grid, the best are followed along the path, the winner is refined.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.arm.catalog import ArmName
+from dualbend.arm.chain import SerialChain, serial_chain, volume
+from dualbend.arm.mjcf import with_gripper
+from dualbend.arm.model import Placement, arm_model
+from dualbend.errors import InputError
+from dualbend.types import Vector
+
+LEAST_MARGIN_RAD: Final = np.radians(5.0)
+"""Room that every joint must keep to its limits along the path."""
+
+_SEED, _SEEDS, _KEPT, _REFINED = 11, 12, 200, 2
+_REACHED = 1e-5
+_DISTANCE = (0.25, 0.4, 0.5, 0.6, 0.7, 0.85)
+_LATERAL = (0.0, 0.12, -0.12, 0.25, -0.25)
+_HEIGHT = (-0.7, -0.45, -0.2, 0.0, 0.2)
+"""The grid, over the arm's reach: base behind the flange, beside and above the grip."""
+
+_TOOL_M, _ABOVE_FLOOR_M, _BEHIND_GRIP_M = 0.153, 0.06, 0.03
+_NEAREST_M, _HIGHEST_M = 0.3, 1.5
+_STEPS, _TURN_STEP_RAD, _POSTURE_STEP_RAD, _ROUNDS = (0.08, 0.03, 0.01), np.pi / 4, 0.25, 8
+_KEYS = ("base_distance_m", "base_lateral_m", "base_height_m", "base_yaw_rad")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundPlacement:
+    """A place, and how good it is along the path.
+
+    ``manipulability``: the smallest √det(J Jᵀ), over the largest of the arm [-]; ``margin_rad``:
+    the smallest room to a limit, of ``joint``.
+    """
+
+    placement: Placement
+    manipulability: float
+    margin_rad: float
+    joint: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Tried:
+    """Places (b, 4) as ``_KEYS``, joint angles at the targets (b, k, n), what they are worth."""
+
+    base: Vector
+    q: Vector
+    score: Vector
+    manipulability: Vector
+    room: Vector
+    miss: Vector
+    clear: NDArray[np.bool_]
+
+    def __getitem__(self, which: NDArray[np.intp]) -> _Tried:
+        return _Tried(**{name: value[which] for name, value in vars(self).items()})
+
+
+def find_placement(
+    name: ArmName, targets: Vector, given: dict[str, float | tuple[float, ...]]
+) -> FoundPlacement:
+    """Return the best place for the grip poses ``targets`` (k, 4, 4) in the arm's bending frame.
+
+    What is ``given`` of a :class:`Placement` stays as it is. Deterministic, and remembered.
+
+    Raises
+    ------
+    InputError
+        No place lets the arm reach all poses with 5° of room to every limit, clear of itself, of
+        the floor and of the sheet; the message says what is missing.
+    """
+    shape = tuple(targets.shape)
+    return _find(name, np.ascontiguousarray(targets).tobytes(), shape, tuple(given.items()))
+
+
+@functools.lru_cache(maxsize=64)
+def _find(
+    name: ArmName,
+    poses: bytes,
+    shape: tuple[int, ...],
+    given: tuple[tuple[str, float | tuple[float, ...]], ...],
+) -> FoundPlacement:
+    return _Search(name, np.frombuffer(poses).reshape(shape), dict(given)).run()
+
+
+class _Search:
+    def __init__(
+        self, name: ArmName, targets: Vector, given: dict[str, float | tuple[float, ...]]
+    ) -> None:
+        self._name, self._targets, self._given = name, targets, given
+        self._chain = serial_chain(name)
+        self._low, self._high = self._chain.range_rad.T
+        self._half = 0.5 * (self._high - self._low)
+        self._best = largest_manipulability(name)
+        self._fixed = np.array([key in given for key in _KEYS])
+        model = with_gripper(arm_model(name).spec(looks=False)).compile()
+        self._model, self._data = model, mujoco.MjData(model)
+
+    def run(self) -> FoundPlacement:
+        coarse = self._coarse()
+        good = np.flatnonzero(coarse.score > 0.0)
+        order = good[np.argsort(-coarse.score[good], kind="stable")]
+        found: _Tried | None = None
+        tried = 0
+        for index in order.tolist():
+            start = coarse[np.array([index])]
+            if self._touches_itself(start):
+                continue
+            refined = self._rounded(self._refine(start))
+            if refined.score[0] <= 0.0 or self._touches_itself(refined):
+                refined = self._rounded(start)
+            if refined.score[0] > 0.0 and (found is None or refined.score[0] > found.score[0]):
+                found = refined
+            tried += 1
+            if tried >= _REFINED:
+                break
+        if found is None:
+            raise InputError(self._refusal(coarse))
+        return self._report(found)
+
+    def _coarse(self) -> _Tried:
+        """Return the most promising of all places and branches, followed along the path."""
+        base = self._grid()
+        rng = np.random.default_rng(_SEED)
+        starts = rng.uniform(self._low, self._high, (_SEEDS, self._chain.count))
+        if "home_rad" in self._given:
+            starts = np.array([self._given["home_rad"]])
+        every, starts = np.repeat(base, len(starts), axis=0), np.tile(starts, (len(base), 1))
+        # In the middle of the path, from where it is half as far to either end.
+        middle = len(self._targets) // 2
+        q, miss = self._reach(every, middle, starts, None, 30)
+        worth = np.minimum(self._chain.manipulability(q) / self._best, self._room(q).min(axis=1))
+        worth = np.where(miss < 1e-3, worth, -miss)
+        order = np.argsort(-worth, kind="stable")
+        _, first = np.unique(np.hstack((every, q))[order].round(3), axis=0, return_index=True)
+        kept = order[np.sort(first)][:_KEPT]
+        every, q = every[kept], q[kept]
+        # The same pose a whole turn nearer the middle of a wide range.
+        turns = np.round((q - 0.5 * (self._low + self._high)) / (2.0 * np.pi))
+        q = q - 2.0 * np.pi * turns
+        for target in range(middle, -1, -1):
+            q, _ = self._reach(every, target, q, None, 6)
+        return self._follow(every, q)
+
+    def _grid(self) -> Vector:
+        reach, first = self._chain.length_m, self._targets[0, :3, 3]
+        axes: list[Vector] = [
+            -first[0] + _TOOL_M + reach * np.array(_DISTANCE),
+            first[1] + reach * np.array(_LATERAL),
+            np.unique(np.clip(first[2] + reach * np.array(_HEIGHT), 0.0, _HIGHEST_M)),
+            np.zeros(1),
+        ]
+        axes = [
+            np.array([self._given[key]], dtype=np.float64) if fixed else axis
+            for key, axis, fixed in zip(_KEYS, axes, self._fixed, strict=True)
+        ]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(_KEYS))
+
+    def _in_base(self, base: Vector, target: int) -> tuple[Vector, Vector]:
+        """Return rotation (b, 3, 3) and place (b, 3) of a target in the base frames."""
+        pose = self._targets[target]
+        c, s = np.cos(base[:, 3]), np.sin(base[:, 3])
+        none, one = np.zeros(len(base)), np.ones(len(base))
+        back = np.stack((c, s, none, -s, c, none, none, none, one), axis=1).reshape(-1, 3, 3)
+        away = pose[:3, 3] - base[:, :3] * [-1.0, 1.0, 1.0]
+        return back @ pose[:3, :3], (back @ away[..., None])[..., 0]
+
+    def _reach(
+        self, base: Vector, target: int, q: Vector, posture: Vector | None, iterations: int
+    ) -> tuple[Vector, Vector]:
+        return self._chain.solve(*self._in_base(base, target), q, posture, iterations)
+
+    def _follow(self, base: Vector, start: Vector) -> _Tried:
+        """Go through all targets from configurations near the first; the first is the posture."""
+        home, missed = self._reach(base, 0, start, start, 15)
+        q, worst = home, missed
+        path = []
+        for target in range(len(self._targets)):
+            q, missed = self._reach(base, target, q, home, 12)
+            worst = np.maximum(worst, missed)
+            path.append(q)
+        every = np.stack(path, axis=1)
+        flat = every.reshape(-1, self._chain.count)
+        _, grip, axes, points = self._chain.forward(flat)
+        jacobian = self._chain.jacobian(grip, axes, points)
+        manipulability = volume(jacobian).reshape(len(base), -1).min(axis=1)
+        clear = self._clear(base, points.reshape(*every.shape, 3))
+        room = self._room(flat).reshape(*every.shape[:2], -1).min(axis=(1, 2))
+        margin = np.minimum(every - self._low, self._high - every).min(axis=(1, 2))
+        worth = np.minimum(manipulability / self._best, room)
+        allowed = (worst < _REACHED) & (margin >= LEAST_MARGIN_RAD) & clear
+        return _Tried(
+            base=base,
+            q=every,
+            score=np.where(allowed, worth, 0.0),
+            manipulability=manipulability / self._best,
+            room=margin,
+            miss=worst,
+            clear=clear,
+        )
+
+    def _room(self, q: Vector) -> Vector:
+        """Return each joint's room to its nearer limit, over half its range (b, n)."""
+        return np.asarray(np.minimum(q - self._low, self._high - q) / self._half)
+
+    def _clear(self, base: Vector, points: Vector) -> NDArray[np.bool_]:
+        """Tell where no joint (b, k, n, 3) is near the floor, or beyond the grip at the sheet."""
+        c, s = np.cos(base[:, 3])[:, None, None], np.sin(base[:, 3])[:, None, None]
+        forward = c * points[..., 0] - s * points[..., 1] - base[:, 0][:, None, None]
+        height = points[..., 2] + base[:, 2][:, None, None]
+        behind = forward < self._targets[:, 0, 3][:, None] - _BEHIND_GRIP_M
+        # The first joint's point is anywhere on its axis.
+        fine = (behind & (height > _ABOVE_FLOOR_M))[..., 1:].all(axis=(1, 2))
+        stands = (base[:, 2] >= 0.0) & (base[:, 2] <= _HIGHEST_M) & (base[:, 0] > _NEAREST_M)
+        return np.asarray(fine & stands)
+
+    def _touches_itself(self, one: _Tried) -> bool:
+        for q in one.q[0]:
+            self._data.qpos[:] = q
+            mujoco.mj_forward(self._model, self._data)
+            if self._data.ncon:
+                return True
+        return False
+
+    def _refine(self, one: _Tried) -> _Tried:
+        """Climb by a pattern of steps that shrink; what is given by hand is not moved."""
+        reach = self._chain.length_m
+        for share in _STEPS:
+            sizes = np.array([share * reach] * 3 + [_TURN_STEP_RAD])
+            for _ in range(_ROUNDS):
+                moves = np.concatenate((np.diag(sizes), -np.diag(sizes)))
+                still = self._fixed.copy()
+                # A turn of the base only moves the range of an upright first joint.
+                still[3] |= int(np.argmin(self._room(one.q[0]).min(axis=0))) != 0
+                moves = moves[~np.tile(still, 2)]
+                bases = one.base + moves
+                starts = np.repeat(one.q[:, 0], len(bases), axis=0)
+                if self._chain.count > 6 and "home_rad" not in self._given:
+                    bases = np.concatenate((bases, one.base, one.base))
+                    swing = share / _STEPS[0] * _POSTURE_STEP_RAD * self._null(one)
+                    starts = np.concatenate((starts, one.q[:, 0] + swing, one.q[:, 0] - swing))
+                if not len(bases):
+                    return one
+                around = self._follow(bases, starts)
+                best = int(np.argmax(around.score))
+                if around.score[best] < one.score[0] + 1e-4:
+                    break
+                one = around[np.array([best])]
+        return one
+
+    def _null(self, one: _Tried) -> Vector:
+        """Return the motion (1, n) of a redundant arm that leaves the grip where it is."""
+        _, grip, axes, points = self._chain.forward(one.q[:, 0])
+        _, _, directions = np.linalg.svd(self._chain.jacobian(grip, axes, points)[0])
+        return np.asarray(directions[6:7])
+
+    def _rounded(self, one: _Tried) -> _Tried:
+        """Return the place in whole millimetres, as a scenario would have it."""
+        base = np.where(self._fixed, one.base, one.base.round(3))
+        return self._follow(base, one.q[:, 0])
+
+    def _report(self, one: _Tried) -> FoundPlacement:
+        distance, lateral, height, yaw = one.base[0].tolist()
+        margins = np.minimum(one.q[0] - self._low, self._high - one.q[0]).min(axis=0)
+        tight = int(np.argmin(margins))
+        home = self._given.get("home_rad", tuple(one.q[0, 0].round(6).tolist()))
+        assert isinstance(home, tuple)
+        return FoundPlacement(
+            placement=Placement(
+                base_distance_m=distance,
+                base_lateral_m=lateral,
+                base_height_m=height,
+                base_yaw_rad=yaw,
+                home_rad=home,
+            ),
+            manipulability=float(one.manipulability[0]),
+            margin_rad=float(margins[tight]),
+            joint=arm_model(self._name).joint_names[tight],
+        )
+
+    def _refusal(self, tried: _Tried) -> str:
+        arm = arm_model(self._name)
+        head = f"arm {arm.name!r} (reach {arm.reach_m:g} m) finds no place to stand: "
+        reached = tried.miss < _REACHED
+        if not reached.any():
+            best = int(np.argmin(tried.miss))
+            path = tried.q[best]
+            stuck = np.minimum(path - self._low, self._high - path).min(axis=0) < _REACHED
+            at = [joint for joint, is_stuck in zip(arm.joint_names, stuck, strict=True) if is_stuck]
+            return head + (
+                f"no base reaches all poses of the path, the best of {len(tried.miss)} misses one "
+                f"by {1e3 * arm.reach_m * tried.miss[best]:.0f} mm"
+                + (f" with {' and '.join(at)} at a limit" if at else "")
+            )
+        room = np.degrees(tried.room[reached].max())
+        if room < np.degrees(LEAST_MARGIN_RAD):
+            least = np.degrees(LEAST_MARGIN_RAD)
+            return head + (
+                f"where it reaches all poses, a joint comes within {room:.1f} degrees of its limit;"
+                f" {least:.0f} are needed"
+            )
+        return head + "where it reaches all poses, it touches itself, the floor or the sheet"
+
+
+@functools.cache
+def largest_manipulability(name: ArmName) -> float:
+    """Return the largest √det(J Jᵀ) of 4000 seeded configurations [-]."""
+    chain: SerialChain = serial_chain(name)
+    low, high = chain.range_rad.T
+    q = np.random.default_rng(_SEED).uniform(low, high, (4000, chain.count))
+    return float(chain.manipulability(q).max())

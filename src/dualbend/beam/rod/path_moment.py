@@ -1,0 +1,92 @@
+"""What a path does to the grippers: the worst moment on it, by the rod oracle."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from dualbend.beam._check import FloatArray, within
+from dualbend.beam.path import BendingPath
+from dualbend.beam.rod import planar as rod
+from dualbend.beam.sheet import Sheet
+from dualbend.errors import InputError
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorstMoment:
+    """The largest |M| on a path [N m], and at which end slope [rad]; the same for each piece.
+
+    unsolved counts the sampled points that the oracle could not solve: they judge nothing.
+    """
+
+    moment_nm: float
+    alpha_rad: float
+    piece_edges_rad: FloatArray
+    piece_moments_nm: FloatArray
+    piece_alphas_rad: FloatArray
+    unsolved: int
+
+
+def worst_moment(
+    path: BendingPath,
+    sheet: Sheet,
+    alpha_range: tuple[float, float] | None = None,
+    *,
+    weight: bool = False,
+    stretch: bool = False,
+    samples: int = 24,
+) -> WorstMoment:
+    """Return the worst moment at the grippers where they follow a path exactly.
+
+    alpha_range [rad] is the part judged (all of it by default); weight adds the sheet's own,
+    stretch its axial compliance. Every piece is sampled, then the peak between the neighbours of
+    its worst sample is found to 1e-6 rad. Raises InputError for a range off the path, or a path
+    for a sheet of another length.
+    """
+    if path.length_m != sheet.length_m:
+        raise InputError(f"path is for length {path.length_m!r} m, sheet has {sheet.length_m!r} m")
+    start, end = alpha_range or (float(path.knots[0]), float(path.knots[-1]))
+    within("alpha_range [rad]", np.array([start, end]), path.knots[0], path.knots[-1])
+    inner = path.knots[(path.knots > start) & (path.knots < end)]
+    edges = np.concatenate([[start], inner, [end]])
+    pieces = [
+        _peak(path, sheet, np.linspace(a, b, samples), weight=weight, stretch=stretch)
+        for a, b in itertools.pairwise(edges)
+    ]
+    moments = np.array([moment for moment, _, _ in pieces])
+    alphas = np.array([alpha for _, alpha, _ in pieces])
+    worst = int(np.argmax(moments))
+    return WorstMoment(
+        moment_nm=float(moments[worst]),
+        alpha_rad=float(alphas[worst]),
+        piece_edges_rad=edges,
+        piece_moments_nm=moments,
+        piece_alphas_rad=alphas,
+        unsolved=sum(count for _, _, count in pieces),
+    )
+
+
+def _peak(
+    path: BendingPath, sheet: Sheet, alphas: FloatArray, *, weight: bool, stretch: bool
+) -> tuple[float, float, int]:
+    """Return the largest |M| between two end slopes, where it is, and how many points failed."""
+    q = sheet.weight_per_length_n_per_m if weight else 0.0
+    axial = sheet.axial_stiffness_n if stretch else None
+    EI, L = sheet.bending_stiffness_nm2, sheet.length_m
+    points = [(float(a), path.at(float(a))[0]) for a in alphas]
+    states = rod.follow_symmetric(EI, L, points, q, None, axial)
+    moments = [abs(s.end_moment_nm) if s.converged else -1.0 for s in states]
+    best = int(np.argmax(moments))
+    failed = sum(not s.converged for s in states)
+    near = (float(alphas[max(best - 1, 0)]), float(alphas[min(best + 1, len(alphas) - 1)]))
+
+    def negative(alpha: float) -> float:
+        x = path.at(alpha)[0]
+        state = rod.solve_symmetric(EI, L, alpha, x, q, states[best], axial)
+        return -abs(state.end_moment_nm) if state.converged else 0.0
+
+    found = minimize_scalar(negative, bounds=near, method="bounded", options={"xatol": 1e-6})
+    if -float(found.fun) > moments[best]:
+        return -float(found.fun), float(found.x), failed
+    return moments[best], float(alphas[best]), failed

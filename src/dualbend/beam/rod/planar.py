@@ -1,0 +1,200 @@
+"""The oracle off the optimum: the rod between two grips that need not be on the zero-moment path.
+
+In the planar frame (x right, z up) θ is the slope below the horizontal, positive at the left end:
+
+    EI θ'' + (1 + ε) (P sin θ − (V + q s) cos θ) = 0,   x' = (1 + ε) cos θ,   z' = −(1 + ε) sin θ
+
+with θ(0) = α_left, θ(L) = −α_right. P is the compressive horizontal force, V + q s the vertical
+section force, q the weight per arc length, and ε = N/EA the stretch (0 for the inextensible rod).
+In the symmetric case V = −q L/2, hence EI θ'' + P sin θ + q (L/2 − s) cos θ = 0.
+The weight of a hanging sheet pulls the grippers together: it lowers P, as it does in a chain.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from dualbend.beam._check import FloatArray, finite, positive
+from dualbend.beam.rod import branch, ritz
+from dualbend.beam.rod.state import (
+    RESIDUAL_TOLERANCE,
+    Grip,
+    GripLoad,
+    RodState,
+    Scale,
+    describe,
+    unsolved,
+)
+from dualbend.errors import InputError
+
+__all__ = [
+    "Grip",
+    "GripLoad",
+    "RodState",
+    "follow_planar",
+    "follow_symmetric",
+    "solve_planar",
+    "solve_symmetric",
+]
+
+MODES = (24, 48, 96)
+"""Numbers of trial functions: the next one is taken where a state (taut, say) is not resolved."""
+FLAT_ANGLE_RAD = 1e-7
+"""Below this an end slope shortens the rod by less than rounding."""
+
+PlainGrip = tuple[float, float, float]
+"""(x [m], z [m], end slope α [rad]) of a grip; a Grip is one."""
+
+
+def solve_symmetric(
+    EI: float,
+    L: float,
+    alpha: float,
+    half_distance: float,
+    weight_per_length: float = 0.0,
+    guess: RodState | None = None,
+    axial_stiffness_n: float | None = None,
+) -> RodState:
+    """Return the symmetric hanging rod with both end slopes α [rad] and half distance x [m].
+
+    It is solve_planar with the grips at (−x, 0, α) and (x, 0, α).
+    """
+    left, right = (-half_distance, 0.0, alpha), (half_distance, 0.0, alpha)
+    return solve_planar(EI, L, left, right, weight_per_length, guess, axial_stiffness_n)
+
+
+def solve_planar(
+    EI: float,
+    L: float,
+    left: PlainGrip,
+    right: PlainGrip,
+    weight_per_length: float = 0.0,
+    guess: RodState | None = None,
+    axial_stiffness_n: float | None = None,
+) -> RodState:
+    """Return the rod that hangs between two grips (x [m], z [m], end slope α [rad]).
+
+    EI [N m²], L [m], weight_per_length [N/m]; axial_stiffness_n is EA [N], None for a rod that
+    does not stretch. guess is an earlier state nearby. The answer is the first buckling mode with
+    the middle below; a point that is hard or impossible has converged False and a reason.
+    Raises InputError only for numbers that are no rod or no grip.
+    """
+    scale = _scale(EI, L, Grip(*left), Grip(*right))
+    if finite("weight_per_length", weight_per_length) < 0.0:
+        raise InputError(f"weight_per_length must not be negative, got {weight_per_length!r}")
+    rigid = axial_stiffness_n is None
+    problem = ritz.Problem(
+        basis=ritz.basis(MODES[0]),
+        clamps=ritz.Clamps(
+            slope_left=left[2],
+            slope_right=-right[2],
+            shortening=(L - (right[0] - left[0])) / L,
+            climb=(right[1] - left[1]) / L,
+        ),
+        weight=weight_per_length * L**3 / EI,
+        compliance=0.0
+        if axial_stiffness_n is None
+        else EI / (positive("axial_stiffness_n", axial_stiffness_n) * L * L),
+    )
+    slack = 1.0 - math.hypot(1.0 - problem.clamps.shortening, problem.clamps.climb)
+    if rigid and not problem.weight and _is_flat(problem.clamps):
+        return _flat_limit(scale, problem)
+    if rigid and slack <= 0.0:
+        reason = "taut: the grips are at least L apart and the rod cannot stretch"
+        return unsolved(scale, problem, reason)
+    return _refine(scale, problem, guess)
+
+
+def follow_symmetric(
+    EI: float,
+    L: float,
+    points: Iterable[tuple[float, float]],
+    weight_per_length: float = 0.0,
+    guess: RodState | None = None,
+    axial_stiffness_n: float | None = None,
+) -> tuple[RodState, ...]:
+    """Return the states along a sequence of (α [rad], half distance [m]), as follow_planar does."""
+    pairs = (((-x, 0.0, alpha), (x, 0.0, alpha)) for alpha, x in points)
+    return follow_planar(EI, L, pairs, weight_per_length, guess, axial_stiffness_n)
+
+
+def follow_planar(
+    EI: float,
+    L: float,
+    grips: Iterable[tuple[PlainGrip, PlainGrip]],
+    weight_per_length: float = 0.0,
+    guess: RodState | None = None,
+    axial_stiffness_n: float | None = None,
+) -> tuple[RodState, ...]:
+    """Return the states along a sequence of (left grip, right grip), each from the one before.
+
+    A point that cannot be solved is marked (converged False) and skipped as a start of the next.
+    """
+    states: list[RodState] = []
+    for left, right in grips:
+        state = solve_planar(EI, L, left, right, weight_per_length, guess, axial_stiffness_n)
+        states.append(state)
+        guess = state if state.converged else guess
+    return tuple(states)
+
+
+def _scale(EI: float, L: float, left: Grip, right: Grip) -> Scale:
+    """Check what the user gave."""
+    for side, grip in (("left", left), ("right", right)):
+        for name, value in zip(Grip._fields, grip, strict=True):
+            finite(f"{side} {name}", value)
+        if abs(grip.angle_rad) >= math.pi:
+            raise InputError(f"{side} angle_rad must lie within ±π, got {grip.angle_rad!r}")
+    return Scale(EI=positive("EI", EI), L=positive("L", L), left=left)
+
+
+def _is_flat(clamps: ritz.Clamps) -> bool:
+    """Say whether the clamps are those of the straight rod, but for rounding."""
+    steepest = max(abs(clamps.slope_left), abs(clamps.slope_right), abs(clamps.climb))
+    return steepest <= FLAT_ANGLE_RAD and abs(clamps.shortening) < 1e-14
+
+
+def _flat_limit(scale: Scale, problem: ritz.Problem) -> RodState:
+    """Return the flat rod as the limit of the zero-moment path: any P up to 4π² EI/L² would do."""
+    unknowns = np.concatenate([np.zeros(problem.basis.modes), [math.pi**2, 0.0]])
+    reason = "flat: P is indeterminate, the limit of the zero-moment path is given"
+    return replace(describe(scale, problem, unknowns), converged=True, reason=reason)
+
+
+def _refine(scale: Scale, problem: ritz.Problem, guess: RodState | None) -> RodState:
+    """Solve on larger and larger bases until the state is resolved."""
+    best: RodState | None = None
+    for modes in MODES:
+        state = _attempt(scale, replace(problem, basis=ritz.basis(modes)), guess)
+        if state is not None and state.residual <= RESIDUAL_TOLERANCE:
+            return state
+        best = state or best
+        guess = best or guess
+    return best or unsolved(scale, problem, "no equilibrium found, in sub-steps neither")
+
+
+def _attempt(scale: Scale, problem: ritz.Problem, guess: RodState | None) -> RodState | None:
+    """Try from the guess, in steps from it, afresh, in steps from the elastica, from straight."""
+    modes = problem.basis.modes
+    starts: list[Callable[[], FloatArray | None]] = []
+    if guess is not None and guess.unknowns.size:
+        clamps, known = guess.problem.clamps, branch.resized(guess.unknowns, modes)
+        starts = [lambda: known, lambda: branch.walk(problem, clamps, known)]
+    starts += [
+        lambda: ritz.start(problem),
+        lambda: branch.walk(problem, *branch.on_curve(problem)),
+        lambda: np.zeros(modes + 2),
+    ]
+    flagged: RodState | None = None
+    for start in starts:
+        begin = start()
+        found = None if begin is None else ritz.newton(problem, begin)
+        if found is None:
+            continue
+        state = describe(scale, problem, found)
+        if state.converged or state.residual > RESIDUAL_TOLERANCE:
+            return state
+        flagged = flagged or state
+    return flagged

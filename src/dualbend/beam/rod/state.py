@@ -1,0 +1,195 @@
+"""What the rod solver answers: loads on both grippers, the shape, and how far to trust them."""
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from dualbend.beam._check import FloatArray
+from dualbend.beam.rod import branch, ritz
+
+RESIDUAL_TOLERANCE = 1e-7
+"""Largest relative residual of a converged state."""
+
+
+class Grip(NamedTuple):
+    """Where a grip is in the planar frame, and its end slope α (positive: its end points down)."""
+
+    x_m: float
+    z_m: float
+    angle_rad: float
+
+
+class GripLoad(NamedTuple):
+    """What the sheet exerts on a gripper, at the gripper centre.
+
+    The forces are along x and z of the planar frame. The moment is about the gripper's own bending
+    axis: positive turns that gripper towards a larger end slope.
+    """
+
+    force_x_n: float
+    force_z_n: float
+    moment_nm: float
+
+
+class SymmetricStiffness(NamedTuple):
+    """How P and M change where both grips move alike: by dx of the half distance, by dα.
+
+    On the zero-moment path dM/dα is about −π² EI/L and dP/dx about −16 π² EI/(α² L³).
+    """
+
+    force_per_distance_n_per_m: float
+    force_per_slope_n_per_rad: float
+    moment_per_distance_n: float
+    moment_per_slope_nm_per_rad: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scale:
+    """The units of a dimensionless solution: EI [N m²], L [m], and where its left grip is [m]."""
+
+    EI: float
+    L: float
+    left: Grip
+
+
+@dataclass(frozen=True, kw_only=True)
+class RodState:
+    """An equilibrium of the rod; the arrays hold ritz.OUTPUT_POINTS equally spaced arc lengths.
+
+    rise_m is the mean height of the ends above the middle, energy_j the elastic energy plus the
+    weight's potential about the left end. residual is the largest of: Newton's residual, the gap
+    between the end moments as reactions and as EI θ', and the imbalance of the moments about the
+    left end, each relative to 1 + the dimensionless load. Where converged is False, reason says
+    why, and what was not found is NaN.
+    """
+
+    left: GripLoad
+    right: GripLoad
+    rise_m: float
+    energy_j: float
+    s_m: FloatArray = field(repr=False)
+    theta_rad: FloatArray = field(repr=False)
+    x_m: FloatArray = field(repr=False)
+    z_m: FloatArray = field(repr=False)
+    curvature_per_m: FloatArray = field(repr=False)
+    residual: float
+    converged: bool
+    reason: str
+    scale: Scale = field(repr=False)
+    problem: ritz.Problem = field(repr=False)
+    unknowns: FloatArray = field(repr=False)
+
+    @property
+    def end_force_n(self) -> float:
+        """Compressive end force P [N]: the sheet pushes the left gripper by −P along x."""
+        return -self.left.force_x_n
+
+    @property
+    def end_moment_nm(self) -> float:
+        """Moment on the left gripper, EI θ'(0) [N m]."""
+        return self.left.moment_nm
+
+    def symmetric_stiffness(self) -> SymmetricStiffness:
+        """Return the stiffness that the two grips see when they move alike.
+
+        All NaN where the state was not found, and for the flat rod that cannot stretch: there
+        dP/dx diverges and the other three depend on the side one comes from.
+        """
+        unknown = SymmetricStiffness(*[math.nan] * 4)
+        if not self.unknowns.size:
+            return unknown
+        try:
+            whole = self.problem.stiffness(self.problem.fields(self.unknowns))
+        except np.linalg.LinAlgError:
+            return unknown
+        slope, distance = np.array([1.0, -1.0, 0.0, 0.0]), np.array([0.0, 0.0, -2.0, 0.0])
+        EI, L = self.scale.EI, self.scale.L
+        return SymmetricStiffness(
+            force_per_distance_n_per_m=float(whole[2] @ distance) * EI / L**3,
+            force_per_slope_n_per_rad=float(whole[2] @ slope) * EI / L**2,
+            moment_per_distance_n=-float(whole[0] @ distance) * EI / L**2,
+            moment_per_slope_nm_per_rad=-float(whole[0] @ slope) * EI / L,
+        )
+
+
+def residual(problem: ritz.Problem, unknowns: FloatArray) -> float:
+    """Return the residual that RodState describes."""
+    base, f, clamps = problem.basis, problem.fields(unknowns), problem.clamps
+    p, v, q = float(unknowns[-2]), float(unknowns[-1]), problem.weight
+    first, last = problem.end_moments(f)
+    # By θ', not by the reactions: those balance whatever the discretisation does.
+    line = clamps.slope_right - clamps.slope_left
+    bend = base.out_slope[[0, -1]] @ unknowns[:-2] + line
+    x_mean = float(base.weights @ (base.running @ (f.stretch * f.cos)))
+    balance = bend[0] - bend[1] + clamps.climb * p + (1.0 - clamps.shortening) * (v + q)
+    size = 1.0 + abs(p) + abs(v) + q
+    gaps = (
+        np.max(np.abs(problem.residual(unknowns, f))) / size,
+        np.max(np.abs(bend - (first, last))) / (1.0 + abs(first) + abs(last)),
+        abs(balance - q * x_mean) / size,
+    )
+    return float(max(gaps))
+
+
+def energy(problem: ritz.Problem, unknowns: FloatArray) -> float:
+    """Return ∫ ½ θ'² + ½ κ N² + q z dσ, the energy over EI/L."""
+    base, f, clamps = problem.basis, problem.fields(unknowns), problem.clamps
+    bending = unknowns[:-2] @ unknowns[:-2] + (clamps.slope_right - clamps.slope_left) ** 2
+    height = -(base.running @ (f.stretch * f.sin))
+    rest = 0.5 * problem.compliance * f.along**2 + problem.weight * height
+    return float(0.5 * bending + base.weights @ rest)
+
+
+def describe(scale: Scale, problem: ritz.Problem, unknowns: FloatArray) -> RodState:
+    """Give a solution its units, and judge it."""
+    base, f, clamps = problem.basis, problem.fields(unknowns), problem.clamps
+    p, v, L = float(unknowns[-2]), float(unknowns[-1]), scale.L
+    first, last = problem.end_moments(f)
+    x = base.cumulative @ (f.stretch * f.cos)
+    z = -(base.cumulative @ (f.stretch * f.sin))
+    bend = base.out_slope @ unknowns[:-2] + clamps.slope_right - clamps.slope_left
+    error, mode = residual(problem, unknowns), branch.other_mode(problem, unknowns)
+    resolved = error <= RESIDUAL_TOLERANCE
+    force, moment = scale.EI / L**2, scale.EI / L
+    return RodState(
+        left=GripLoad(-p * force, v * force, first * moment),
+        right=GripLoad(p * force, -(v + problem.weight) * force, last * moment),
+        rise_m=float(0.5 * (z[0] + z[-1]) - z[ritz.OUTPUT_POINTS // 2]) * L,
+        energy_j=energy(problem, unknowns) * moment,
+        s_m=base.out_sigma * L,
+        theta_rad=problem.line(base.out_sigma) + base.out_phi @ unknowns[:-2],
+        x_m=scale.left.x_m + x * L,
+        z_m=scale.left.z_m + z * L,
+        curvature_per_m=bend / L,
+        residual=error,
+        converged=resolved and not mode,
+        reason=mode or ("" if resolved else f"not resolved by {base.modes} trial functions"),
+        scale=scale,
+        problem=problem,
+        unknowns=unknowns,
+    )
+
+
+def unsolved(scale: Scale, problem: ritz.Problem, reason: str) -> RodState:
+    """Return a state that says only that it was not found."""
+    nothing = np.full(ritz.OUTPUT_POINTS, np.nan)
+    load = GripLoad(math.nan, math.nan, math.nan)
+    return RodState(
+        left=load,
+        right=load,
+        rise_m=math.nan,
+        energy_j=math.nan,
+        s_m=np.linspace(0.0, scale.L, ritz.OUTPUT_POINTS),
+        theta_rad=nothing,
+        x_m=nothing,
+        z_m=nothing,
+        curvature_per_m=nothing,
+        residual=math.inf,
+        converged=False,
+        reason=reason,
+        scale=scale,
+        problem=problem,
+        unknowns=np.empty(0),
+    )

@@ -1,0 +1,1 @@
+"""Metrics of runs against a baseline."""

@@ -1,0 +1,106 @@
+"""The judge: runs scenarios, compares them with a baseline, and rewrites it where asked to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from dualbend.check.baseline import (
+    CRASHED,
+    Baseline,
+    Entry,
+    Gate,
+    Value,
+    find_baseline,
+    read_baseline,
+    relative_source,
+    rounded,
+    sources,
+    write_baseline,
+)
+from dualbend.check.measure import Measured, measure_all
+from dualbend.check.tolerances import Tolerance, default_tolerance
+from dualbend.check.verdict import Verdicts, compare
+from dualbend.errors import InputError
+from dualbend.scenario.load import list_scenarios
+
+
+def check(
+    asked: Sequence[str] = (),
+    file: Path | None = None,
+    *,
+    update: bool = False,
+    workers: int | None = None,
+    on_done: Callable[[Measured], None] = lambda _: None,
+) -> Verdicts:
+    """Run scenarios and compare them with the baseline, and rewrite it with ``update``.
+
+    ``asked``: names or files; none are all that the baseline holds, all shipped ones where an
+    update has none yet. ``file``: the baseline, ./baseline.json if None.
+
+    Raises
+    ------
+    InputError
+        There is no baseline, a scenario is not in it (and no ``update``) or cannot be read.
+    """
+    path = find_baseline(file, update=update)
+    baseline = read_baseline(path) if path.is_file() else Baseline()
+    wanted = sources(asked, baseline, path) or list(list_scenarios() if update else ())
+    if not wanted:
+        raise InputError(f"{path}: the baseline holds no scenario; name one, with --update")
+    measured = measure_all(_longest_first(wanted, baseline, path), workers, on_done)
+    measured.sort(key=lambda one: one.name)
+    strangers = [one.name for one in measured if one.name not in baseline.scenarios]
+    if strangers and not update:
+        raise InputError(
+            f"{path}: no baseline of {', '.join(strangers)}; "
+            f"add it: dualbend check {' '.join(strangers)} --baseline {path} --update"
+        )
+    verdicts = compare(baseline, measured)
+    crashed = [f"{one.name} ({one.reason})" for one in measured if one.outcome == CRASHED]
+    if update and crashed:
+        raise InputError(f"{path}: not written: {', '.join(crashed)} crashed")
+    if update:
+        write_baseline(updated(baseline, measured, path), path)
+    return verdicts
+
+
+def _longest_first(wanted: Sequence[str], baseline: Baseline, path: Path) -> list[str]:
+    """Return the sources so that the longest runs begin first: the workers end together."""
+    times = {}
+    for source, entry in zip(sources((), baseline, path), baseline.scenarios.values(), strict=True):
+        gate = entry.metrics.get("simulated_time")
+        times[source] = gate.value if gate is not None and isinstance(gate.value, float) else 0.0
+    return sorted(wanted, key=lambda source: -times.get(source, float("inf")))
+
+
+def updated(baseline: Baseline, measured: Sequence[Measured], path: Path) -> Baseline:
+    """Return the baseline with what was measured; tolerances that were edited are kept."""
+    entries = dict(baseline.scenarios)
+    for one in measured:
+        entries[one.name] = _entry(entries.get(one.name), one, path)
+    return Baseline(scenarios=dict(sorted(entries.items())))
+
+
+def _entry(old: Entry | None, one: Measured, path: Path) -> Entry:
+    gates = {} if old is None else old.metrics
+    metrics = {}
+    for name, metric in one.metrics.items():
+        value = rounded(metric.value)
+        tolerance = _tolerance(gates.get(name), name, value, one.assembly)
+        metrics[name] = Gate(value=value, unit=metric.unit, tolerance=tolerance)
+    return Entry(
+        source=relative_source(one.source, path),
+        outcome=one.outcome,
+        model_sha256=one.model_sha256,
+        scenario_sha256=one.scenario_sha256,
+        versions=one.versions,
+        metrics=metrics,
+    )
+
+
+def _tolerance(gate: Gate | None, name: str, value: Value, assembly: bool) -> Tolerance:
+    """Return the tolerance of the file, unless it is the default for a value that is no more."""
+    if gate is not None and gate.tolerance != default_tolerance(name, gate.value, assembly):
+        return gate.tolerance
+    return default_tolerance(name, value, assembly)

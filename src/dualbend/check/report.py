@@ -1,0 +1,172 @@
+"""What the judge says, for a terminal, for a CI's test report (JUnit XML) and for a web page."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from pathlib import Path
+from xml.etree import ElementTree
+
+from dualbend.check.verdict import Finding, Verdicts
+from dualbend.errors import InputError
+
+_HEADINGS = ("scenario", "metric", "old", "new", "unit", "change", "allowed", "verdict")
+
+
+def table(verdicts: Verdicts, *, everything: bool = True) -> str:
+    """Return rows of text, the failures alone unless ``everything``."""
+    found = verdicts.findings if everything else verdicts.failures
+    rows = [_HEADINGS, *(_cells(finding) for finding in found)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(_HEADINGS))]
+    lines = ("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def failure_lines(verdicts: Verdicts) -> list[str]:
+    """Return a sentence a failure: scenario, metric, old, new, change, time and phase, cause."""
+    return [sentence(finding) for finding in verdicts.failures]
+
+
+def sentence(finding: Finding) -> str:
+    """Say one failure in words."""
+    old, new = _number(finding.old), _number(finding.new)
+    unit = f" {finding.unit}" if finding.unit not in {"", "1"} else ""
+    parts = [f"{finding.scenario}: {finding.metric} {finding.verdict}: {old} → {new}{unit}"]
+    if finding.change is not None:
+        parts.append(f" ({_change(finding)}, allowed {finding.allowed})")
+    elif finding.allowed:
+        parts.append(f" (allowed {finding.allowed})")
+    parts.append(f" {finding.place}" if finding.place else "")
+    parts.append(f"; {finding.reason}" if isinstance(finding.new, str) and finding.reason else "")
+    parts.append(f"; {finding.cause}" if finding.cause else "")
+    return "".join(parts)
+
+
+def note_lines(verdicts: Verdicts) -> list[str]:
+    """Return what else is not the baseline's, each once with the scenarios that it is true of."""
+    scenarios: dict[str, list[str]] = {}
+    for name, notes in verdicts.notes.items():
+        for note in notes:
+            scenarios.setdefault(note, []).append(name)
+    return [
+        note if len(names) == len(verdicts.notes) > 1 else f"{', '.join(names)}: {note}"
+        for note, names in scenarios.items()
+    ]
+
+
+def conclusion(verdicts: Verdicts, *, updated: bool = False) -> str:
+    """Return the last line: how many values of how many scenarios are not the baseline's."""
+    gated = [f for f in verdicts.findings if f.verdict not in {"new", "not gated"}]
+    failed, new = verdicts.failures, sum(f.verdict == "new" for f in verdicts.findings)
+    scenarios = f"{len(verdicts.notes)} scenario{'' if len(verdicts.notes) == 1 else 's'}"
+    if updated:
+        return (
+            f"baseline written, {scenarios}: {len(failed)} values moved beyond their tolerance, "
+            f"{new} are new"
+        )
+    text = f"{len(gated) - len(failed)} of {len(gated)} values of {scenarios} are the baseline's"
+    if new:
+        text += f"; {new} are new: --update takes them in"
+    if failed:
+        text += f"; {len(failed)} are not: where that is meant, --update"
+    return text
+
+
+def write_markdown(verdicts: Verdicts, path: Path) -> None:
+    """Write a table of failures, then all values folded away, as a pull request shows it.
+
+    Raises
+    ------
+    InputError
+        ``path`` cannot be written.
+    """
+    failed = bool(verdicts.failures)
+    lines = [f"## dualbend check: {'failed' if failed else 'passed'}", "", conclusion(verdicts), ""]
+    if failed:
+        lines += [*_markdown_table(verdicts.failures), ""]
+        lines += [*(f"* {_escaped(line)}" for line in failure_lines(verdicts)), ""]
+    lines += [*(f"* {_escaped(line)}" for line in note_lines(verdicts)), ""]
+    lines += ["<details><summary>All values</summary>", "", *_markdown_table(verdicts.findings)]
+    lines += ["", "</details>", ""]
+    _write(path, "--markdown", "\n".join(lines))
+
+
+def write_junit(verdicts: Verdicts, path: Path) -> None:
+    """Write JUnit XML: a suite a scenario, a case a value.
+
+    Raises
+    ------
+    InputError
+        ``path`` cannot be written.
+    """
+    root = ElementTree.Element("testsuites", name="dualbend check")
+    for scenario, group in groupby(verdicts.findings, key=lambda finding: finding.scenario):
+        found = list(group)
+        suite = ElementTree.SubElement(root, "testsuite", name=scenario)
+        suite.set("tests", str(len(found)))
+        suite.set("failures", str(sum(finding.failed for finding in found)))
+        suite.set("errors", "0")
+        suite.set("skipped", str(sum(_skipped(finding) for finding in found)))
+        for finding in found:
+            _case(suite, finding)
+        notes = verdicts.notes[scenario]
+        if notes:
+            ElementTree.SubElement(suite, "system-out").text = "\n".join(notes)
+    for key in ("tests", "failures", "errors", "skipped"):
+        root.set(key, str(sum(int(suite.get(key, "0")) for suite in root)))
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding="unicode", xml_declaration=False)
+    _write(path, "--junit", f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n')
+
+
+def _case(suite: ElementTree.Element, finding: Finding) -> None:
+    name = f"dualbend.{finding.scenario}"
+    case = ElementTree.SubElement(suite, "testcase", classname=name, name=finding.metric)
+    if finding.failed:
+        words = sentence(finding)
+        failure = ElementTree.SubElement(case, "failure", type=finding.verdict, message=words)
+        failure.text = f"{words}\nallowed {finding.allowed}: {finding.reason}"
+    elif _skipped(finding):
+        ElementTree.SubElement(case, "skipped", message=finding.verdict)
+
+
+def _skipped(finding: Finding) -> bool:
+    return finding.verdict in {"new", "not gated"}
+
+
+def _markdown_table(found: list[Finding]) -> list[str]:
+    rows = [_HEADINGS, tuple("---" for _ in _HEADINGS), *(_cells(finding) for finding in found)]
+    return [f"| {' | '.join(_escaped(cell) for cell in row)} |" for row in rows]
+
+
+def _escaped(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ").replace("<", "&lt;")
+
+
+def _cells(finding: Finding) -> tuple[str, ...]:
+    return (
+        finding.scenario,
+        finding.metric,
+        _number(finding.old),
+        _number(finding.new),
+        finding.unit,
+        _change(finding),
+        finding.allowed,
+        finding.verdict if not finding.failed else finding.verdict.upper(),
+    )
+
+
+def _number(value: float | str | None) -> str:
+    if value is None:
+        return "-"
+    return value if isinstance(value, str) else f"{value:.5g}"
+
+
+def _change(finding: Finding) -> str:
+    return "" if finding.change is None else f"{100 * finding.change:+.3g} %"
+
+
+def _write(path: Path, option: str, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{option} {path}: cannot be written: {error.strerror}") from error

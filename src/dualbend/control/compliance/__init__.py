@@ -1,0 +1,1 @@
+"""Compliance: what turns a measured wrench into a deviation of the commanded pose."""

@@ -1,0 +1,239 @@
+"""The admittance that turns the force along x and the moment about y into a deviation.
+
+B δ' + K δ = F (paper (7)), sampled once per command period T with the pole a = e^(−kT/b).
+Sign: δ = H F with F the wrench on the arm, so the arm gives way in the direction of the force.
+No vertical force enters; the moment that the sheet's own weight makes does.
+"""
+
+import math
+from typing import Annotated, Literal, Protocol
+
+import msgspec
+import numpy as np
+
+from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
+from dualbend.control.compliance.predictor import PredictorConfig
+from dualbend.control.compliance.reference import ReferenceConfig
+from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
+from dualbend.types import Vector
+
+MM_PER_M = 1e3
+DEG_PER_RAD = 180.0 / math.pi
+
+AdmittanceForm = Literal["printed", "impulse-invariant", "static"]
+
+
+class AxisConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Damping, stiffness and discrete form of one axis.
+
+    `form`: "printed" is (15) as published, δ[n] = a δ[n−1] + F/b, which lacks the factor T of
+    impulse invariance; "impulse-invariant" has it, δ[n] = a δ[n−1] + (T/b) F; "static" has the
+    true static stiffness k, δ[n] = a δ[n−1] + ((1 − a)/k) F. `units` of the `AdmittanceConfig`
+    says in which units b and k are.
+    """
+
+    b: Annotated[float, msgspec.Meta(gt=0, description="damping [N s/mm, N m s/deg; or SI]")]
+    k: Annotated[float, msgspec.Meta(gt=0, description="stiffness [N/mm, N m/deg; or SI]")]
+    form: Annotated[
+        AdmittanceForm,
+        msgspec.Meta(
+            description="(15) as printed, with the missing T, or with the true static stiffness"
+        ),
+    ] = "printed"
+    from_alpha_rad: Annotated[
+        float, msgspec.Meta(ge=0, description="bending angle from which the axis acts [rad]")
+    ] = 0.0
+
+
+class AdmittanceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Which axes comply, in which units, how far, and from which reading.
+
+    `units`: "paper" means N, mm, N m and degrees for b and k; "si" means N s/m, N/m, N m s/rad and
+    N m/rad; "sheet" means s and 1, multiples of the known stiffness, and belongs to `schedule`. An
+    axis that is None is off. With `tare` an axis sees the wrench relative to the first
+    reading after it is switched on. `schedule`, `reference`, `fusion` and `predictor` go beyond
+    the paper, see `dualbend.control.compliance.model`.
+    """
+
+    x: AxisConfig | None = None
+    rotation: AxisConfig | None = None
+    units: Annotated[
+        Literal["paper", "si", "sheet"], msgspec.Meta(description="in which b and k are given")
+    ] = "paper"
+    limit_x_m: Annotated[float, msgspec.Meta(gt=0, description="largest |δx| [m]")] = 0.02
+    limit_rotation_rad: Annotated[float, msgspec.Meta(gt=0, description="largest |δα| [rad]")] = 0.1
+    tare: Annotated[
+        bool, msgspec.Meta(description="loads count from the first reading after switching on")
+    ] = False
+    schedule: ScheduleConfig | None = None
+    reference: ReferenceConfig | None = None
+    fusion: FusionConfig | None = None
+    predictor: PredictorConfig | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse gains in units that the schedule does not give, and the other way round."""
+        if (self.units == "sheet") != (self.schedule is not None):
+            raise ValueError(
+                'units = "sheet" and the section schedule belong together: with it b is in s and '
+                "k is a ratio to the sheet's stiffness"
+            )
+
+    @property
+    def modelled(self) -> bool:
+        """Something of it needs to know the sheet."""
+        parts = (self.schedule, self.reference, self.fusion, self.predictor)
+        return any(part is not None for part in parts)
+
+
+class AdmittanceAxis:
+    """One first-order filter δ[n] = a δ[n−1] + g F[n], H(z) = g / (1 − a z⁻¹), in SI.
+
+    Parameters
+    ----------
+    config
+        b, k and form.
+    to_si
+        Factor that takes b and k to SI: 1000 for mm, 180/π for degrees, 1 for SI.
+    paper_per_si
+        Factor that takes a deviation in SI to the paper's unit (mm or degrees).
+    limit
+        Largest |δ| [m or rad]; the state itself is clamped, so it cannot wind up.
+    tare
+        Subtract the first reading after switching on.
+    """
+
+    def __init__(
+        self, config: AxisConfig, *, to_si: float, paper_per_si: float, limit: float, tare: bool
+    ) -> None:
+        b, k = config.b * to_si, config.k * to_si
+        self.pole = math.exp(-k * COMMAND_PERIOD_S / b)
+        self.gain = {
+            "printed": 1.0 / b,
+            "impulse-invariant": COMMAND_PERIOD_S / b,
+            "static": -math.expm1(-k * COMMAND_PERIOD_S / b) / k,
+        }[config.form]
+        self.limit = limit
+        self.from_alpha_rad = config.from_alpha_rad
+        self._one_minus_pole = -math.expm1(-k * COMMAND_PERIOD_S / b)
+        self._paper_per_si = paper_per_si
+        self._tare = tare
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to no deviation and switched off."""
+        self.deviation = 0.0
+        self.saturated = False
+        self.active = False
+        self._reference = 0.0
+
+    def update(self, load: float, alpha_rad: float = math.inf) -> float:
+        """Take a force [N] or moment [N m] at a bending angle [rad]; return δ [m] or [rad].
+
+        Below `from_alpha_rad` the axis sees no load: δ is 0 before it first acts, and dies out with
+        the pole when the sheet is unfolded again, instead of jumping.
+        """
+        if alpha_rad < self.from_alpha_rad:
+            self.active = False
+            load = 0.0
+        else:
+            if not self.active:
+                self.active = True
+                self._reference = load if self._tare else 0.0
+            load -= self._reference
+        deviation = self.pole * self.deviation + self.gain * load
+        self.saturated = abs(deviation) > self.limit
+        if self.saturated:
+            deviation = math.copysign(self.limit, deviation)
+        self.deviation = deviation
+        return deviation
+
+    def transfer_function(self) -> TransferFunction:
+        """Tell H(z), unclamped, in powers of z⁻¹ [m/N] or [rad/(N m)]."""
+        return np.array([self.gain]), np.array([1.0, -self.pole])
+
+    @property
+    def static_compliance(self) -> float:
+        """Deviation per steady load g/(1 − a) [m/N] or [rad/(N m)]: 1/k in the static form."""
+        return self.gain / self._one_minus_pole
+
+    @property
+    def static_compliance_paper(self) -> float:
+        """The same in the paper's units [mm/N] or [deg/(N m)]."""
+        return self.static_compliance * self._paper_per_si
+
+
+class Deviation(msgspec.Struct, frozen=True, kw_only=True):
+    """What is added to the nominal pose in one cycle: δx [m], δα [rad], and clamped axes."""
+
+    dx_m: float
+    dalpha_rad: float
+    saturated_x: bool
+    saturated_rotation: bool
+
+
+class Compliance(Protocol):
+    """What turns one arm's reading into its deviation, once a cycle."""
+
+    def comply(
+        self, force_x_n: float, force_z_n: float, moment_y_nm: float, pose: Vector
+    ) -> Deviation:
+        """Take the filtered wrench on the arm in B, at the nominal x, z [m], α [rad] (3,)."""
+
+
+class Admittance:
+    """The two axes of compliance of one arm; an axis that is off deviates by 0.
+
+    Parameters
+    ----------
+    config
+        Both axes. `x` and `rotation` of this object are the filters that run, or None.
+    """
+
+    def __init__(self, config: AdmittanceConfig) -> None:
+        self.config = config
+        paper = config.units == "paper"
+
+        def axis(
+            settings: AxisConfig | None, paper_per_si: float, limit: float
+        ) -> AdmittanceAxis | None:
+            if settings is None:
+                return None
+            to_si = paper_per_si if paper else 1.0
+            return AdmittanceAxis(
+                settings, to_si=to_si, paper_per_si=paper_per_si, limit=limit, tare=config.tare
+            )
+
+        self.x = axis(config.x, MM_PER_M, config.limit_x_m)
+        self.rotation = axis(config.rotation, DEG_PER_RAD, config.limit_rotation_rad)
+
+    def reset(self) -> None:
+        """Return to no deviation on both axes."""
+        for axis in (self.x, self.rotation):
+            if axis is not None:
+                axis.reset()
+
+    def comply(
+        self, force_x_n: float, force_z_n: float, moment_y_nm: float, pose: Vector
+    ) -> Deviation:
+        """Run one cycle on the filtered wrench in B, at the nominal x, z [m], α [rad] (3,)."""
+        return self.update(force_x_n, moment_y_nm, float(pose[2]))
+
+    def update(self, force_x_n: float, moment_y_nm: float, alpha_rad: float) -> Deviation:
+        """Run one cycle.
+
+        Parameters
+        ----------
+        force_x_n
+            Horizontal force on the arm along x_B [N], see `horizontal_force`.
+        moment_y_nm
+            Moment on the arm about y at the grip centre [N m].
+        alpha_rad
+            Nominal bending angle [rad], which switches the axes on.
+        """
+        x, rotation = self.x, self.rotation
+        return Deviation(
+            dx_m=0.0 if x is None else x.update(force_x_n, alpha_rad),
+            dalpha_rad=0.0 if rotation is None else rotation.update(moment_y_nm, alpha_rad),
+            saturated_x=x is not None and x.saturated,
+            saturated_rotation=rotation is not None and rotation.saturated,
+        )

@@ -1,0 +1,144 @@
+"""Delay compensation: what the deviations on their way will do to the wrench (Smith, 1957).
+
+The deviations sent are passed through the known transport delay, ramp, response, age of the reading
+and low-pass. Known stiffness and tool inertia turn them into the part of the wrench read that the
+loop itself has made. What is left is the path's error; the admittance then sees it with its own
+last deviation in place: a loop without delay.
+Source: O. J. M. Smith, Closer control of loops with dead time, Chem. Eng. Prog. 53 (1957) 217.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
+from dualbend.control.delay import TransportDelay
+from dualbend.control.filters import LowPass, LowPassConfig
+from dualbend.control.response import CommandResponse, CommandResponseConfig
+from dualbend.types import Vector
+
+_Lead = Annotated[
+    float, msgspec.Meta(ge=0, le=1, description="what is left of the response's lag [s]")
+]
+
+
+class PredictorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the prediction uses.
+
+    ``lead_*_s``: where given, the error is also passed through the inverse of the response and two
+    equal lags of this time: it is then known as of the command and not as of the answer to it,
+    and noisier. It fades out linearly over the second half of the way to ``lead_until_rad``: the
+    soft bent sheet weighs less in the readings than the tool's inertia does. ``inertia``: of the
+    known tool, also on the nominal motion.
+    """
+
+    lead_x_s: _Lead | None = None
+    lead_rotation_s: _Lead | None = None
+    lead_until_rad: Annotated[
+        float, msgspec.Meta(gt=0, description="slope from which there is no lead any more [rad]")
+    ] = 1e3
+    inertia: Annotated[
+        bool, msgspec.Meta(description="take off what the known tool's inertia makes")
+    ] = True
+
+
+class ResponseLead:
+    """The response's discrete poles as zeros, and twice the pole r = e^(−T/τ) instead.
+
+    H(z) = (1 − p₁ z⁻¹)(1 − p₂ z⁻¹)(1 − r)² / ((1 − p₁)(1 − p₂)(1 − r z⁻¹)²), with p = e^(s T) of
+    the poles s of G(s): unit gain at rest.
+    """
+
+    def __init__(self, response: CommandResponseConfig, lag_s: float) -> None:
+        omega = 2.0 * math.pi * response.natural_frequency_hz
+        poles = np.roots([1.0, 2.0 * response.damping_ratio * omega, omega**2])
+        zeros = np.real(np.poly(np.exp(poles * COMMAND_PERIOD_S)))
+        r = math.exp(-COMMAND_PERIOD_S / lag_s) if lag_s > 0.0 else 0.0
+        self._numerator = zeros / zeros.sum() * (1.0 - r) ** 2
+        self._denominator = np.array([1.0, -2.0 * r, r * r])
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._memory = (0.0, 0.0)
+
+    def update(self, value: float) -> float:
+        """Take one error and return it as of the command."""
+        b, a = self._numerator, self._denominator
+        first, second = self._memory
+        out = float(b[0] * value + first)
+        self._memory = (
+            float(b[1] * value - a[1] * out + second),
+            float(b[2] * value - a[2] * out),
+        )
+        return out
+
+    def transfer_function(self, share: float = 1.0) -> TransferFunction:
+        """Tell share × H(z) + 1 − share in powers of z⁻¹."""
+        mixed = share * self._numerator + (1.0 - share) * self._denominator
+        return mixed, self._denominator.copy()
+
+
+def lead_share(config: PredictorConfig, alpha_rad: float) -> float:
+    """Return which share of the error passes through the lead."""
+    return min(max(2.0 - 2.0 * alpha_rad / config.lead_until_rad, 0.0), 1.0)
+
+
+class ResponseModel:
+    """Set-points of n channels → positions and accelerations as old as a filtered reading.
+
+    Parameters
+    ----------
+    response, low_pass
+        The configurations of the elements that run.
+    delay_cycles
+        Transport delay of these set-points [command periods].
+    steps, age_steps
+        Physics steps of a cycle; age of a reading at the start of the cycle that uses it, >= 1.
+    channels
+        n.
+    """
+
+    def __init__(
+        self,
+        *,
+        response: CommandResponseConfig,
+        low_pass: LowPassConfig,
+        delay_cycles: int,
+        steps: int,
+        age_steps: int,
+        channels: int,
+    ) -> None:
+        self.channels = channels
+        self._response = CommandResponse(response, channels, steps)
+        self._delay = TransportDelay(delay_cycles, channels)
+        self._low_pass = LowPass(low_pass, 2 * channels)
+        cycles = math.ceil(age_steps / steps)
+        self._row = cycles * steps - age_steps - 1
+        self._age = TransportDelay(cycles - 1, 2 * channels)
+        self.reset(np.zeros(channels))
+
+    def reset(self, position: Vector) -> None:
+        """Rest at a position (n,)."""
+        self._response.reset(position)
+        self._delay.reset(position)
+        still = np.concatenate([position, np.zeros(self.channels)])
+        self._age.reset(still)
+        self._low_pass.reset(still)
+        self._last = self._aged = still
+
+    def read(self) -> tuple[Vector, Vector]:
+        """Return position and acceleration (n,) in this cycle's reading; once a cycle."""
+        seen = self._low_pass.update(self._aged)
+        return seen[: self.channels], seen[self.channels :]
+
+    def send(self, setpoint: Vector) -> None:
+        """Send this cycle's set-point (n,)."""
+        reference = self._response.update(self._delay.update(setpoint))
+        both = np.hstack([reference.position, reference.acceleration])
+        self._aged = self._age.update(both[self._row] if self._row >= 0 else self._last)
+        self._last = both[-1]

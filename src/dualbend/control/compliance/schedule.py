@@ -1,0 +1,149 @@
+"""What the controller knows of sheet, arms and tool along the path, and gains in proportion to it.
+
+The stiffness that an arm meets along x falls as 16 π² EI/(α² L³): by more than two orders of
+magnitude between the flat sheet, where arms and grasps in series bound it, and one radian. Gains
+that are multiples of it keep the loop's bandwidth and its margins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from dualbend.errors import InputError
+from dualbend.types import Vector
+
+
+class ScheduleConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Gains as multiples of the known stiffness: b is a time [s] and k a ratio [1].
+
+    B(α) = b K(α) and K_c(α) = k K(α), with K the diagonal of the known stiffness. With ``curve``
+    the force is taken as K₁₁ e(F), e the displacement along x at which the known sheet has this
+    force: compressed it is softer, taut it is stiffer than its tangent says.
+    """
+
+    from_rad: Annotated[
+        float,
+        msgspec.Meta(ge=0.005, le=1, description="below it the stiffness of this slope [rad]"),
+    ] = 0.01
+    curve: Annotated[
+        bool,
+        msgspec.Meta(description="force to displacement by the sheet's curve, not its tangent"),
+    ] = False
+
+
+class FusionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Let x give way to what force and moment tell together, by least squares.
+
+    A wrong x changes both by the known K₁₁ and K₂₁. Weighted with the errors σ of the readings,
+    e_x = Σ (K_i1/σ_i²) w_i / Σ K_i1²/σ_i². On the nearly flat sheet the force decides, on the bent
+    one, which is soft, the moment.
+    """
+
+    force_error_n: Annotated[float, msgspec.Meta(gt=0, description="σ of the force [N]")] = 0.05
+    moment_error_nm: Annotated[float, msgspec.Meta(gt=0, description="σ of the moment [N m]")] = (
+        0.004
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownSheet:
+    """Tables over the bending angle, of the sheet in its zero-moment states with its weight.
+
+    Attributes
+    ----------
+    alpha_rad : (n,) growing
+    force_x_n : (n,) horizontal force on the arm
+    stiffness : (n, 3, 2) force x, z and moment that the sensing arm loses per δx and δα of the
+        complying arms, with arms and grasps in series
+    inertia : (n, 3, 3) of the tool beyond the sensor, at the grip, in x, z, α
+    sent : (n, 3, 2) change of a grip's x, z, α per δx and δα
+    pressed_m, pressed_n : (n, m) displacements of the complying arms, inward and falling, and the
+        force x on the arm there, growing
+    force_z_n : vertical force on the arm: half the sheet's weight, negative
+    lever_arm_m : from the sensor to the grip, as the controller believes it
+
+    Raises
+    ------
+    InputError
+        Angles that do not grow, or tables of another length.
+    """
+
+    alpha_rad: Vector
+    force_x_n: Vector
+    stiffness: Vector
+    inertia: Vector
+    sent: Vector
+    pressed_m: Vector
+    pressed_n: Vector
+    force_z_n: float
+    lever_arm_m: float
+
+    def __post_init__(self) -> None:
+        """Refuse what is no table."""
+        n = len(self.alpha_rad)
+        if n < 2 or not np.all(np.diff(self.alpha_rad) > 0.0):
+            raise InputError(f"alpha_rad must be two or more growing angles, got {self.alpha_rad}")
+        shapes = (self.force_x_n.shape, self.stiffness.shape, self.inertia.shape, self.sent.shape)
+        if shapes != ((n,), (n, 3, 2), (n, 3, 3), (n, 3, 2)):
+            raise InputError(f"tables of {n} angles have the shapes {shapes}")
+        if self.pressed_m.shape != self.pressed_n.shape or not np.all(
+            np.diff(self.pressed_n, axis=1) > 0.0
+        ):
+            raise InputError("pressed_n must grow along its rows, one number for each of pressed_m")
+
+    @cached_property
+    def _table(self) -> Vector:
+        n = len(self.alpha_rad)
+        parts = (self.force_x_n, self.stiffness, self.inertia, self.sent)
+        return np.hstack([part.reshape(n, -1) for part in parts])
+
+    def _row(self, alpha_rad: float) -> Vector:
+        """Interpolate linearly; outside the table its nearest end."""
+        alphas, table = self.alpha_rad, self._table
+        i = int(np.searchsorted(alphas, alpha_rad))
+        if i == 0 or i == len(alphas):
+            return np.asarray(table[min(i, len(alphas) - 1)])
+        part = (alpha_rad - alphas[i - 1]) / (alphas[i] - alphas[i - 1])
+        return np.asarray(table[i - 1] + part * (table[i] - table[i - 1]))
+
+    def force(self, alpha_rad: float) -> float:
+        """Return the horizontal force on the arm [N]."""
+        return float(self._row(alpha_rad)[0])
+
+    def tangent(self, alpha_rad: float) -> Vector:
+        """Return the stiffness (3, 2)."""
+        return self._row(alpha_rad)[1:7].reshape(3, 2)
+
+    def displacement(self, force_x_n: float, alpha_rad: float) -> float:
+        """Return how far inward of the zero-moment state the arms have this force [m]."""
+        i = int(np.searchsorted(self.alpha_rad, alpha_rad))
+        i = min(max(i, 1), len(self.alpha_rad) - 1)
+        low, high = self.alpha_rad[i - 1], self.alpha_rad[i]
+        part = min(max((alpha_rad - low) / (high - low), 0.0), 1.0)
+        first, last = (self._on_curve(force_x_n, row) for row in (i - 1, i))
+        return float(first + part * (last - first))
+
+    def _on_curve(self, force_x_n: float, row: int) -> float:
+        """Return the displacement at one of the angles; beyond the curve by the tangent."""
+        forces = self.pressed_n[row]
+        beyond = force_x_n - min(max(force_x_n, float(forces[0])), float(forces[-1]))
+        on_it = float(np.interp(force_x_n, forces, self.pressed_m[row]))
+        return on_it - beyond / float(self.stiffness[row, 0, 0])
+
+    def pressed_force(self, inward_m: float, alpha_rad: float) -> float:
+        """Return the force x on the arm [N] at a displacement of the nearest angle's curve."""
+        row = int(np.argmin(np.abs(self.alpha_rad - alpha_rad)))
+        curve = self.pressed_m[row]
+        beyond = inward_m - min(max(inward_m, float(curve[-1])), float(curve[0]))
+        on_it = float(np.interp(-inward_m, -curve, self.pressed_n[row]))
+        return on_it - beyond * float(self.stiffness[row, 0, 0])
+
+    def tool(self, alpha_rad: float) -> tuple[Vector, Vector]:
+        """Return the tool's inertia (3, 3) and what a deviation moves (3, 2)."""
+        row = self._row(alpha_rad)
+        return row[7:16].reshape(3, 3), row[16:].reshape(3, 2)

@@ -1,0 +1,143 @@
+"""The numbers of an assembly: per phase, per hole, per pin, and whether the holes are seated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.run.loop import RunResult
+from dualbend.scene.bed.config import HOLES
+from dualbend.types import SIDES, Vector
+
+OFFSET_BEYOND_CLEARANCE_M = 0.02e-3
+"""A seated hole's centre is at most this beyond half the clearance from its pin's axis."""
+
+RESTING_WITHIN_M = 0.5e-3
+"""A seated hole is at most this above what its sheet rests on."""
+
+
+def final_holes(result: RunResult) -> Vector:
+    """Return (sheets, 4, 3): each hole from its pin's axis, x, y, and above its rest, z [m].
+
+    Of a sheet that was not let go, where it was at the end of the run; of one that was never
+    picked up, nothing.
+    """
+    laid = list(result.laid)
+    assembly = result.scenario.assembly
+    assert assembly is not None
+    if len(laid) < assembly.sheets and result.trace.rows:
+        columns = [[result.trace[f"hole_{hole}_{axis}"][-1] for axis in "xyz"] for hole in HOLES]
+        laid.append(np.array(columns))
+    holes = np.array(laid).reshape(len(laid), len(HOLES), 3)
+    # Each sheet rests on those before it.
+    thickness = assembly.errors.true_sheet(result.scenario.sheet.sheet()).thickness_m
+    holes[:, :, 2] -= thickness * np.arange(len(laid))[:, np.newaxis]
+    return holes
+
+
+def seated(result: RunResult) -> NDArray[np.bool_]:
+    """Return which holes are seated (sheets, 4): around their pins, and resting, and let go."""
+    assembly = result.scenario.assembly
+    assert assembly is not None
+    holes = final_holes(result)
+    allowed = 0.5 * assembly.layout.holes.clearance_m + OFFSET_BEYOND_CLEARANCE_M
+    around = np.hypot(holes[:, :, 0], holes[:, :, 1]) <= allowed
+    done = np.arange(len(holes))[:, np.newaxis] < len(result.laid)
+    return np.asarray(around & (np.abs(holes[:, :, 2]) <= RESTING_WITHIN_M) & done)
+
+
+def phase_table(result: RunResult) -> list[dict[str, Any]]:
+    """Return each phase in the order in which it was entered, with its time and peaks.
+
+    ``peak_moment`` about the bending axis [N m] and ``peak_force`` [N] on either gripper,
+    ``peak_pin_force`` [N].
+    """
+    trace = result.trace
+    if not trace.rows:
+        return []
+    keys = np.stack([trace["phase"], trace["attempt"], trace["sheet"]])
+    starts = np.flatnonzero(np.any(np.diff(keys, prepend=np.nan) != 0.0, axis=0))
+    moment = np.max([np.abs(trace[f"{side}_true_moment_y"]) for side in SIDES], axis=0)
+    force = np.max(
+        [
+            np.linalg.norm([trace[f"{side}_true_force_{axis}"] for axis in "xyz"], axis=0)
+            for side in SIDES
+        ],
+        axis=0,
+    )
+    pins = np.max([trace[f"pin_force_{hole}"] for hole in HOLES], axis=0)
+    table = []
+    for first, end in zip(starts, [*starts[1:], trace.rows], strict=True):
+        rows = slice(first, end)
+        table.append(
+            {
+                "phase": result.phases[int(trace["phase"][first])],
+                "sheet": int(trace["sheet"][first]),
+                "attempt": int(trace["attempt"][first]),
+                "start_s": float(trace["time"][first]),
+                "time_s": float((end - first) * COMMAND_PERIOD_S),
+                "peak_moment_nm": float(moment[rows].max()),
+                "peak_force_n": float(force[rows].max()),
+                "peak_pin_force_n": float(pins[rows].max()),
+            }
+        )
+    return table
+
+
+def hole_table(result: RunResult) -> list[dict[str, Any]]:
+    """Return each hole's final offset from its pin's axis, height above its rest, and verdict."""
+    verdict = seated(result)
+    return [
+        {
+            "sheet": sheet,
+            "hole": hole,
+            "offset_x_m": float(x),
+            "offset_y_m": float(y),
+            "offset_m": float(np.hypot(x, y)),
+            "height_m": float(z),
+            "seated": bool(verdict[sheet, i]),
+        }
+        for sheet, holes in enumerate(final_holes(result))
+        for i, (hole, (x, y, z)) in enumerate(zip(HOLES, holes, strict=True))
+    ]
+
+
+def pin_table(result: RunResult) -> list[dict[str, Any]]:
+    """Return each pin's peak force, and the largest force of one contact at its hole's edge."""
+    trace = result.trace
+    return [
+        {
+            "pin": hole,
+            "peak_force_n": _peak(trace[f"pin_force_{hole}"]),
+            "peak_edge_force_n": _peak(trace[f"edge_force_{hole}"]),
+        }
+        for hole in HOLES
+    ]
+
+
+def middle_spacing(result: RunResult) -> float | None:
+    """Return the distance along the chord of the two middle holes of the bent sheet [m].
+
+    At the end of the first bending, before anything is touched; None where that was not reached.
+    """
+    trace = result.trace
+    bent = np.flatnonzero(trace["phase"] == result.phases.index("bend"))
+    if not bent.size:
+        return None
+    assembly = result.scenario.assembly
+    assert assembly is not None
+    last, pair = bent[-1], assembly.layout.holes.middle
+    between = [2.0 * pair.along_m, 2.0 * pair.across_m]
+    for i, axis in enumerate("xy"):
+        left, right = (trace[f"hole_middle_{side}_{axis}"][last] for side in SIDES)
+        between[i] += right - left
+    across = 2.0 * pair.across_m
+    return float(np.sqrt(between[0] ** 2 + between[1] ** 2 - across**2))
+
+
+def _peak(values: Vector) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else None

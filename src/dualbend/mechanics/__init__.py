@@ -1,0 +1,1 @@
+"""Linear mechanics of arms and tools: end-point stiffness, elements in series, tool inertia."""

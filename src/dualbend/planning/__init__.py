@@ -1,0 +1,1 @@
+"""At which bending angles the holes of a sheet go over their pins."""

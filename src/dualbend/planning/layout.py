@@ -1,0 +1,126 @@
+"""A sheet with holes over its pins: its room at a bending angle, and layouts that are none."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from dualbend.beam.sheet import Sheet
+from dualbend.errors import InputError
+from dualbend.planning.geometry import hole_play, lowest_rim, tip_guides
+from dualbend.planning.shape import HangingSheet, HolePose, hang, shape_family
+from dualbend.scene.bed.config import HolePairConfig, HolesConfig, PinsConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """A sheet, its holes and their pins, and how much room there has to be.
+
+    margin_m is the height of the outer holes above the tips of their pins, yield_strain the
+    largest strain that the surface may have (None: any), least_half_distance_m the half distance
+    of the grips at which the grippers meet, weight whether the sheet's own weight is counted.
+    """
+
+    sheet: Sheet
+    holes: HolesConfig
+    pins: PinsConfig
+    margin_m: float = 1e-3
+    yield_strain: float | None = None
+    least_half_distance_m: float = 0.0
+    weight: bool = True
+
+    @property
+    def hole_m(self) -> float:
+        """Diameter of a hole [m]."""
+        return self.pins.diameter_m + self.holes.clearance_m
+
+    def hang(self, alpha: float) -> HangingSheet:
+        """Return the shape at α [rad]."""
+        if self.weight:
+            return shape_family(self.sheet)(alpha)
+        return hang(self.sheet, alpha, weight=False)
+
+    def approach_m(self, pose: HolePose, along_m: float) -> float:
+        """Return how much nearer to the middle a hole is than its pin [m]."""
+        return along_m - pose.x_m
+
+    def fit_slack_m(self, shape: HangingSheet, along_m: float | None = None) -> float:
+        """Return half the free play of a middle hole less its approach [m]; falls with α."""
+        s = self.holes.middle.along_m if along_m is None else along_m
+        pose, pin = shape.at(s), self.pins.diameter_m
+        play = hole_play(self.hole_m, pin, self.sheet.thickness_m, pose.slope_rad)
+        return play / 2.0 - self.approach_m(pose, s)
+
+    def seat_slack_m(self, shape: HangingSheet, along_m: float | None = None) -> float:
+        """Return how far the centre of a middle hole is below the pin's tip [m]; falls with α."""
+        s = self.holes.middle.along_m if along_m is None else along_m
+        return self.pins.height_m - self.sheet.thickness_m / 2.0 - shape.at(s).z_m
+
+    def lift_m(self, shape: HangingSheet) -> float:
+        """Return how far the rims of the outer holes are above the tips [m]; grows with α."""
+        pose = shape.at(self.holes.outer.along_m)
+        return lowest_rim(pose, self.hole_m, self.sheet.thickness_m) - self.pins.height_m
+
+    def guide_slack_m(self, shape: HangingSheet) -> float:
+        """Return what the tip of an outer pin guides, less the hole's offset [m]; falls with α."""
+        s = self.holes.outer.along_m
+        pose = shape.at(s)
+        reach = tip_guides(self.pins, self.hole_m, self.sheet.thickness_m, pose.slope_rad)
+        return reach - self.approach_m(pose, s)
+
+
+def check_layout(layout: Layout) -> None:
+    """Raise InputError where holes or pins overlap or leave the sheet, or a tip is no tip."""
+    for problem in _problems(layout):
+        raise InputError(problem)
+
+
+def _problems(layout: Layout) -> Iterator[str]:
+    """Yield what is wrong with the layout, whatever the angle: key, value, what would be right."""
+    sheet, holes, pins = layout.sheet, layout.holes, layout.pins
+    D, d = layout.hole_m, pins.diameter_m
+    named = (("middle", holes.middle), ("outer", holes.outer))
+    if pins.tip == "taper" and pins.taper_length_m > pins.height_m:
+        yield (
+            f"pins.taper_length_m = {pins.taper_length_m:g} is longer than the pin: it must not "
+            f"exceed pins.height_m = {pins.height_m:g}"
+        )
+    if pins.tip == "round" and d / 2.0 > pins.height_m:
+        yield (
+            f"pins.height_m = {pins.height_m:g} is too short for a round tip: it must be "
+            f"pins.diameter_m / 2 = {d / 2.0:g} or more"
+        )
+    if holes.outer.along_m <= holes.middle.along_m:
+        yield (
+            f"holes.outer.along_m = {holes.outer.along_m:g} must be above holes.middle.along_m = "
+            f"{holes.middle.along_m:g}"
+        )
+    for (one, p), (other, q) in itertools.combinations_with_replacement(named, 2):
+        gap = _nearest(p, q, same=one == other)
+        both = f"the two of holes.{one}" if one == other else f"holes.{one} and holes.{other}"
+        where = f"{both} are {gap:.6g} m apart"
+        if gap <= d:
+            yield f"{where}: their pins overlap, it must be more than pins.diameter_m = {d:g}"
+        if gap < 1.5 * D:
+            yield f"{where}: it must be {1.5 * D:.6g} (1.5 diameters) or more"
+    # A hole's radius of material between the hole and the edge.
+    for name, pair in named:
+        for key, value, edge in (
+            ("along_m", pair.along_m, sheet.length_m / 2.0 - D),
+            ("across_m", abs(pair.across_m), sheet.width_m / 2.0 - D),
+        ):
+            if value > edge:
+                yield (
+                    f"holes.{name}.{key} = {getattr(pair, key):g} is off the sheet or within a "
+                    f"hole's radius of its edge: its size must not exceed {edge:.6g}"
+                )
+
+
+def _nearest(p: HolePairConfig, q: HolePairConfig, *, same: bool) -> float:
+    """Return the shortest distance of two holes, one of each pair."""
+    across = math.hypot(p.along_m + q.along_m, p.across_m + q.across_m)
+    if same:
+        return across
+    return min(across, math.hypot(p.along_m - q.along_m, p.across_m - q.across_m))

@@ -1,0 +1,1 @@
+"""Recordings for the rerun viewer, pictures and videos of a run."""

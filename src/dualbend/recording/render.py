@@ -1,0 +1,272 @@
+"""A run as a video or a picture: its trace, replayed through the model with its looks.
+
+Nothing is simulated here; it draws without a screen where OpenGL can be had.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.errors import InputError
+from dualbend.recording.offscreen import no_opengl
+from dualbend.run.loop import Run, RunResult
+from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
+from dualbend.task.assembly.laid_sheets import show_laid
+from dualbend.task.assembly.motions import PHASES
+
+SUFFIXES = (".gif", ".png")
+
+_ASPECT = 9 / 16
+_LARGEST_PX, _SMALLEST_PX = 1920, 160
+_INSET_SHARE, _INSET_ASPECT = 0.30, 0.78
+_LAST_FRAME_S = 1.5
+"""How long a video stands still on its last frame before it begins anew."""
+
+_COLOURS, _PALETTE_FRAMES = 255, 12
+_MIDDLE, _OUTER = HOLES.index("middle_left"), HOLES.index("outer_left")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """What is drawn, and how.
+
+    ``camera``: a name of the model; None: ``bed`` in an assembly, else ``front``. ``fps``: frames
+    a second of the video. ``speed``: simulated seconds in one of the video. ``width_px``: of the
+    picture, 16 : 9. ``at_s``: the time of a still picture; None: the end. ``inset``: the close-up
+    of a pin, in an assembly.
+    """
+
+    camera: str | None = None
+    fps: float = 10.0
+    speed: float = 4.0
+    width_px: int = 480
+    at_s: float | None = None
+    inset: bool = True
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height, even."""
+        return self.width_px, 2 * round(self.width_px * _ASPECT / 2)
+
+
+def check_look(look: Look, run: Run, path: Path) -> None:
+    """Refuse before the run what cannot be drawn or written after it.
+
+    Raises
+    ------
+    InputError
+        A kind of file, a folder, a camera or a number that cannot be used, no OpenGL.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"--out {path}: {' and '.join(SUFFIXES)} can be written; for another kind of video "
+            "write a .gif and convert it, e.g. ffmpeg -i run.gif run.mp4"
+        )
+    if not path.parent.is_dir():
+        raise InputError(f"--out {path}: {path.parent} is no folder")
+    if look.at_s is not None and path.suffix.lower() != ".png":
+        raise InputError(f"--at {look.at_s:g}: is the time of a .png, {path.name} is a video")
+    for name, value, low, high in (
+        ("fps", look.fps, 1, 50),  # a GIF's time is in hundredths of a second
+        ("speed", look.speed, 0.01, 100),
+        ("width", look.width_px, _SMALLEST_PX, _LARGEST_PX),
+    ):
+        if not low <= value <= high:
+            raise InputError(f"--{name} {value:g}: must be between {low:g} and {high:g}")
+    cameras = _cameras(run.cell.model)
+    if look.camera is not None and look.camera not in cameras:
+        raise InputError(f"--camera {look.camera}: the cameras are {', '.join(cameras)}")
+    # A run is long; what cannot be drawn after it is told before.
+    _open_renderer(run.cell.model, _SMALLEST_PX, _SMALLEST_PX).close()
+
+
+def frame_rows(rows: int, look: Look) -> NDArray[np.intp]:
+    """Return the rows that a video shows, from the first to the last, 1/fps apart in its time."""
+    step = look.speed / look.fps / COMMAND_PERIOD_S
+    count = 1 + math.ceil((rows - 1) / step)
+    shown: NDArray[np.intp] = np.rint(step * np.arange(count)).astype(np.intp)
+    return np.minimum(shown, rows - 1)
+
+
+def frame_times_ms(count: int, fps: float) -> list[int]:
+    """Return how long each frame is shown [ms], whole hundredths of a second, right on average."""
+    ends = 10 * np.rint(100.0 * np.arange(count + 1) / fps).astype(int)
+    times: list[int] = np.diff(ends).tolist()
+    return [*times[:-1], times[-1] + round(1e3 * _LAST_FRAME_S)]
+
+
+def write_video(result: RunResult, path: Path, look: Look) -> int:
+    """Draw the run into ``path`` (.gif, .png) and return the number of frames.
+
+    Raises
+    ------
+    InputError
+        No OpenGL, a time beyond the run's end, a file that cannot be written.
+    """
+    rows = result.trace.rows
+    if not rows:
+        raise InputError(f"nothing to draw: {result.reason or 'the run has no cycles'}")
+    still = path.suffix.lower() == ".png"
+    shown = np.array([_row_at(rows, look.at_s)]) if still else frame_rows(rows, look)
+    with Stage(result, look) as stage:
+        frames = [stage.picture(row) for row in shown.tolist()]
+    try:
+        if still:
+            frames[0].save(path)
+        else:
+            _save_gif(frames, path, frame_times_ms(len(frames), look.fps))
+    except OSError as error:
+        raise InputError(f"--out {path}: cannot be written: {error.strerror or error}") from error
+    return len(frames)
+
+
+def _row_at(rows: int, at_s: float | None) -> int:
+    if at_s is None:
+        return rows - 1
+    row = math.floor(at_s / COMMAND_PERIOD_S + 1e-9)
+    if not 0 <= row < rows:
+        raise InputError(f"--at {at_s:g}: the run goes from 0 to {rows * COMMAND_PERIOD_S:.3f} s")
+    return row
+
+
+class Stage:
+    """The model with its looks, the state of one row, and what draws them."""
+
+    def __init__(self, result: RunResult, look: Look) -> None:
+        self._result, self._look = result, look
+        self._data = mujoco.MjData(result.model)
+        self._option = mujoco.MjvOption()
+        # Neither what only touches nor sites are looked at.
+        self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)
+        self._option.sitegroup[:] = 0
+        assembly = result.scenario.assembly
+        self._workplace = None if assembly is None or not look.inset else assembly.layout
+        default = "front" if assembly is None else "bed"
+        self._camera = default if look.camera is None else look.camera
+        self._open = ExitStack()
+
+    def __enter__(self) -> Stage:
+        """Open the renderers; InputError where there is no OpenGL."""
+        width, height = self._look.size_px
+        # Drawn twice as fine and averaged, where the frame buffer is large enough.
+        fine = 2 if 2 * width <= _LARGEST_PX else 1
+        inset = round(_INSET_SHARE * width)
+        self._inset_px = (inset, round(_INSET_ASPECT * inset))
+        try:
+            self._main = self._renderer(fine * width, fine * height)
+            if self._workplace is not None:
+                self._close = self._renderer(*(fine * n for n in self._inset_px))
+        except BaseException:
+            self._open.close()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the renderers."""
+        self._open.close()
+
+    def _renderer(self, width: int, height: int) -> mujoco.Renderer:
+        return self._open.enter_context(_open_renderer(self._result.model, width, height))
+
+    def picture(self, row: int) -> Image.Image:
+        """Return the picture of one row, with its inset and what is happening."""
+        model, data, result = self._result.model, self._data, self._result
+        show_laid(model, data, result, row)
+        data.qpos[:] = result.trace.qpos[row]
+        mujoco.mj_forward(model, data)
+        picture = self._draw(self._main, self._camera, self._look.size_px)
+        if self._workplace is not None:
+            self._add_inset(picture, row, self._workplace)
+        self._caption(picture, row)
+        return picture
+
+    def _draw(
+        self, renderer: mujoco.Renderer, camera: str | mujoco.MjvCamera, size: tuple[int, int]
+    ) -> Image.Image:
+        renderer.update_scene(self._data, camera=camera, scene_option=self._option)
+        return Image.fromarray(renderer.render()).resize(size, Image.Resampling.BOX)
+
+    def _add_inset(self, picture: Image.Image, row: int, workplace: LayoutConfig) -> None:
+        """Paste the close-up of the pin that a hole is just going over."""
+        phase = int(self._result.trace["phase"][row])
+        pin = _MIDDLE if phase <= PHASES.index("unfold") else _OUTER
+        close = self._draw(self._close, _pin_camera(workplace, pin), self._inset_px)
+        width, height = self._inset_px
+        margin, border = picture.width // 60, max(1, picture.width // 320)
+        left, top = picture.width - width - margin, picture.height - height - margin
+        frame = (left - border, top - border, left + width + border - 1, top + height + border - 1)
+        ImageDraw.Draw(picture).rectangle(frame, fill="white")
+        picture.paste(close, (left, top))
+        words = f"{HOLES[pin].replace('_', ' ')} pin"
+        _write(picture, (left + margin // 2, top + height - margin // 2), words, 0.022)
+
+    def _caption(self, picture: Image.Image, row: int) -> None:
+        result, margin = self._result, picture.width // 60
+        words = result.phases[int(result.trace["phase"][row])]
+        if row == result.trace.rows - 1:
+            words = result.outcome.replace("_", " ")
+        text = f"{words}   {result.trace['time'][row]:.1f} s"
+        _write(picture, (margin, picture.height - margin), text, 0.03)
+
+
+def _open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    try:
+        with warnings.catch_warnings():
+            # GLFW warns of what it then fails with.
+            warnings.simplefilter("ignore")
+            return mujoco.Renderer(model, height, width)
+    except Exception as error:
+        # Each back-end fails in its own way.
+        raise no_opengl(error) from error
+
+
+def _cameras(model: mujoco.MjModel) -> list[str]:
+    return [model.camera(i).name for i in range(model.ncam)]
+
+
+def _pin_camera(workplace: LayoutConfig, pin: int) -> mujoco.MjvCamera:
+    """Return the view of a pin's tip from the front and above, a few heights away."""
+    camera = mujoco.MjvCamera()
+    height = workplace.pins.height_m
+    camera.lookat[:] = [*hole_places(workplace.holes)[pin], workplace.bed.top_m + 0.5 * height]
+    camera.distance, camera.azimuth, camera.elevation = 7.0 * height, 75.0, -38.0
+    return camera
+
+
+def _write(picture: Image.Image, corner: tuple[int, int], text: str, share: float) -> None:
+    """Write dark text on a light plate, its lower left corner given; size over the width."""
+    draw = ImageDraw.Draw(picture)
+    font = ImageFont.load_default(max(9.0, share * picture.width))
+    box = draw.textbbox(corner, text, font=font, anchor="lb")
+    pad = max(2, picture.width // 160)
+    draw.rectangle((box[0] - pad, box[1] - pad, box[2] + pad, box[3] + pad), fill=(245, 246, 248))
+    draw.text(corner, text, font=font, anchor="lb", fill=(25, 28, 34))
+
+
+def _save_gif(frames: list[Image.Image], path: Path, times_ms: list[int]) -> None:
+    """Write a GIF with one palette: what stands still between two frames then costs nothing."""
+    sample = frames[:: max(1, len(frames) // _PALETTE_FRAMES)]
+    width, height = frames[0].size
+    sheet = Image.new("RGB", (width, height * len(sample)))
+    for i, frame in enumerate(sample):
+        sheet.paste(frame, (0, i * height))
+    # By octree: the median cut gives all colours to the floor and none to the brass pins.
+    palette = sheet.quantize(_COLOURS, method=Image.Quantize.FASTOCTREE)
+    first, *others = _quantized(frames, palette)
+    first.save(path, save_all=True, append_images=others, duration=times_ms, loop=0, disposal=1)
+
+
+def _quantized(frames: list[Image.Image], palette: Image.Image) -> Iterator[Image.Image]:
+    for frame in frames:
+        yield frame.quantize(palette=palette, dither=Image.Dither.NONE)

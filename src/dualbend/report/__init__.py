@@ -1,0 +1,1 @@
+"""Reports of runs: HTML page, comparison of two runs, figures."""

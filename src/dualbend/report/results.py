@@ -1,0 +1,69 @@
+"""Everything that a run leaves in its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dualbend.evaluation.metrics import summary
+from dualbend.report.figures import plot_moment
+from dualbend.run import output
+from dualbend.run.loop import RunResult
+
+if TYPE_CHECKING:
+    from dualbend.recording.notes import Notes
+
+
+def write_results(
+    result: RunResult,
+    folder: Path | str,
+    *,
+    record: bool = True,
+    numbers: dict[str, Any] | None = None,
+    notes: Notes | None = None,
+) -> list[str]:
+    """Write scenario, trace, summary, picture and recording; return what could not be.
+
+    Parameters
+    ----------
+    result
+        Of a run, however it ended.
+    folder
+        Made where it is not there.
+    record
+        Write ``run.rrd``.
+    numbers, notes
+        What :func:`~dualbend.evaluation.metrics.summary` and
+        :func:`~dualbend.recording.prediction.notes_of` returned, where that is known already.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written to.
+    """
+    folder = Path(folder)
+    output.prepare_folder(folder)
+    numbers = summary(result) if numbers is None else numbers
+    writers: dict[str, Callable[[Path], None]] = {
+        "scenario.toml": partial(output.write_scenario, result),
+        "trace.parquet": partial(output.write_trace, result),
+        "summary.json": partial(output.write_summary, numbers),
+        "moment.png": partial(plot_moment, result),
+    }
+    if record:
+        # Here, because rerun takes half a second to import.
+        from dualbend.recording.prediction import notes_of  # noqa: PLC0415
+        from dualbend.recording.write import write_recording  # noqa: PLC0415
+
+        notes = notes_of(result, numbers) if notes is None else notes
+        # Small and with its index, in place of what was streamed.
+        writers["run.rrd"] = partial(write_recording, result, notes=notes)
+    failures = []
+    for name, write in writers.items():
+        try:
+            write(folder / name)
+        except OSError as error:
+            failures.append(f"--out {folder}: {name}: {error.strerror or error}")
+    return failures

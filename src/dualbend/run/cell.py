@@ -1,0 +1,126 @@
+"""A scenario's cell made ready to be commanded: inverse kinematics, servos, response, physics."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from dualbend.beam import elastica
+from dualbend.control.clock import steps_per_cycle
+from dualbend.control.response import CommandResponse
+from dualbend.control.servo import JointServo
+from dualbend.run.arms import arm_pair, joint_stiffness
+from dualbend.scenario.scenario import Scenario
+from dualbend.scene.cell import compose_cell, robots_only, without_looks
+from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
+from dualbend.scene.sheet.model import ShellModel
+from dualbend.scene.simulation import SensorSample, Simulation
+from dualbend.types import Vector
+
+
+class RobotCell:
+    """Both arms with the sheet between them, at rest, tracking joint set-points cycle by cycle.
+
+    Parameters
+    ----------
+    scenario
+        Says everything about the cell.
+    start
+        x, z [m] and end slope α [rad] of both grips in their bending frames, (3,).
+    place
+        Where the bending frames are carried to at the start, (4,) as
+        :func:`dualbend.scene.ik.carried_targets` has it; None: nowhere.
+
+    Raises
+    ------
+    InputError
+        The start is out of reach.
+    """
+
+    def __init__(self, scenario: Scenario, start: Vector, place: Vector | None = None) -> None:
+        self.scenario, self.start, self.place = scenario, start, place
+        self.arms = arms = arm_pair(scenario)
+        robots = robots_only(arms).compile()
+        self.ik = InverseKinematics(robots, arms.home)
+        self.home = self.reach(start, arms.home, place)
+        self.servo = make_servo(scenario, robots, self.home)
+        step_s = scenario.physics.step_s
+        task, config = scenario.assembly, scenario.sheet
+        sheet = config.sheet()
+        self.sheet = sheet if task is None else task.errors.true_sheet(sheet)
+        self._shell = config.shell if config.model == "shell" else None
+        model = without_looks(self._compose(looks=False)).compile()
+        self.simulation = Simulation(
+            model,
+            scenario.grasp,
+            config.strips if self._shell is None else ShellModel(model, self.sheet, self._shell),
+            latency_steps=scenario.sensor.latency_steps(step_s),
+        )
+        self.response = CommandResponse(scenario.response, len(self.home), steps_per_cycle(step_s))
+
+    def _compose(self, *, looks: bool) -> mujoco.MjSpec:
+        scenario = self.scenario
+        task = scenario.assembly
+        return compose_cell(
+            scenario.cell,
+            self.arms,
+            scenario.grasp,
+            self.sheet,
+            scenario.sheet.strips,
+            self.servo,
+            scenario.physics.step_s,
+            None if task is None else task.true_layout(),
+            0 if task is None else task.sheets - 1,
+            shell=self._shell,
+            looks=looks,
+        )
+
+    @cached_property
+    def spec(self) -> mujoco.MjSpec:
+        """The whole scene with its looks."""
+        return self._compose(looks=True)
+
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """The model with its looks, for pictures; the same joints as the simulated one."""
+        return self.spec.compile()
+
+    def reach(self, pose: Vector, guess: Vector, place: Vector | None = None) -> Vector:
+        """Return the joint angles (n,) for both grips at (x, z, α); InputError where none are."""
+        both = np.array([pose, pose])
+        targets = grip_targets(both) if place is None else carried_targets(both, place)
+        return self.ik.solve_from_home(targets, guess).q
+
+    def reset(self) -> SensorSample:
+        """Put the cell at rest in its start, the sheet in its zero-moment shape."""
+        sheet = self.scenario.sheet
+        arcs = np.linspace(0.0, sheet.length_m, sheet.sections + 1)
+        _, _, slopes = elastica.shape(float(self.start[2]), sheet.length_m, arcs)
+        self.response.reset(self.home)
+        middle = np.array([0.0, 0.0, self.scenario.cell.sheet_height_m])
+        return self.simulation.reset(self.home, self.sheet.thickness_m / 2, slopes, middle)
+
+    def send(self, q: Vector) -> SensorSample:
+        """Run one command cycle towards the joint set-points (n,) [rad]."""
+        reference = self.response.update(q)
+        return self.simulation.advance(
+            self.servo.setpoint(reference.position, reference.velocity, reference.acceleration)
+        )
+
+
+def make_servo(scenario: Scenario, robots: mujoco.MjModel, home: Vector) -> JointServo:
+    """Return the servo of all joints, with the inertia that each sees at the home pose."""
+    data = mujoco.MjData(robots)
+    data.qpos[:] = home
+    mujoco.mj_forward(robots, data)
+    inertia = np.zeros((robots.nv, robots.nv))
+    mujoco.mj_fullM(robots, data, inertia)
+    return JointServo(
+        stiffness=joint_stiffness(scenario),
+        inertia=np.diag(inertia).copy(),
+        viscous_friction=robots.dof_damping.copy().ravel(),
+        coulomb_friction=robots.dof_frictionloss.copy().ravel(),
+        damping_ratio=scenario.servo.damping_ratio,
+    )

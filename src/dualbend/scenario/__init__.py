@@ -1,0 +1,1 @@
+"""The scenario file: sections, loading, errors, schema, reference and template."""

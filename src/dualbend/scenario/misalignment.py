@@ -1,0 +1,62 @@
+"""Grips that hold the sheet wrong in space, by a small constant error.
+
+Each arm is where it should be; what is wrong is how the sheet's edge stands to the gripper: off
+across, rolled or yawed, because the sheet was taken so or the tool stands so on its flange. Path,
+controller and sensor know nothing of it: the sheet is twisted and pushed across all the same.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from dualbend.scenario.motion import NominalMotion
+from dualbend.types import Vector
+
+SHORTEST_SETTLE_S = 0.25
+"""The errors come in while the arms settle: faster, the sheet would be struck."""
+
+_ORDER = ("lateral_m", "roll_rad", "yaw_rad")
+
+
+class GripError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the sheet's edge stands off the gripper's frame G: R_GE = R_z(yaw) R_x(roll)."""
+
+    lateral_m: Annotated[
+        float, msgspec.Meta(ge=-0.05, le=0.05, description="across the sheet, along y_G")
+    ] = 0.0
+    roll_rad: Annotated[
+        float, msgspec.Meta(ge=-0.5, le=0.5, description="about x_G, which points into the sheet")
+    ] = 0.0
+    yaw_rad: Annotated[
+        float, msgspec.Meta(ge=-0.5, le=0.5, description="about z_G, the jaws' normal")
+    ] = 0.0
+
+
+class MisalignmentConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Errors of both grips in space, which neither path nor controller knows."""
+
+    left: GripError = GripError()
+    right: GripError = GripError()
+
+    def errors(self) -> Vector:
+        """Return (2, 3): lateral [m], roll and yaw [rad] of the left and the right grip."""
+        return np.array(
+            [[getattr(side, name) for name in _ORDER] for side in (self.left, self.right)]
+        )
+
+
+def errors_over_time(config: MisalignmentConfig | None, motion: NominalMotion) -> Vector | None:
+    """Return the errors (cycles, 2, 3) at every cycle, None where there are none.
+
+    They rise smoothly, by (1 − cos πτ)/2, over the first three quarters of the settling phase: the
+    sheet starts in its plane, and at the end of the phase it is at rest.
+    """
+    if config is None or not config.errors().any():
+        return None
+    settle = max(int(np.count_nonzero(motion.phase == 0)), 1)
+    tau = np.minimum(np.arange(motion.cycles) / (0.75 * settle), 1.0)
+    share = 0.5 * (1.0 - np.cos(np.pi * tau))
+    return np.asarray(share[:, np.newaxis, np.newaxis] * config.errors())

@@ -1,0 +1,76 @@
+"""The scenario reference as a Markdown page, a table a section, made from the code.
+
+``python -m dualbend.scenario.reference docs/reference.md`` writes it; a test keeps it current.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from dualbend.scenario.keys import REQUIRED, Key, Section, sections
+from dualbend.scenario.toml_text import toml
+
+_HEAD = """# Scenario reference
+
+Every section and key that a scenario file may hold, made from the code (`dualbend reference`).
+
+* A key without a default must be given, unless the file extends another that gives it:
+  `extends = "fig8"` at the top takes a shipped scenario, or a `.toml` file beside this one, and the
+  file says only what differs.
+* The value `"none"` takes back an optional key or section that the extended scenario has.
+* A section whose `kind` differs from the extended one's replaces it whole.
+* On the command line, `--set section.key=value` sets one key of a run.
+* Numbers are finite, and 0 or between 1e-15 and 1e15 in size. Beyond the bounds below, the loader
+  checks rules between keys (a sheet that is thin, a step that divides 28 ms) and names the key.
+
+`dualbend new NAME` writes a scenario with all of this as comments; an editor checks and completes
+it with the [schema](command-line.md#the-schema).
+"""
+
+
+def reference_markdown() -> str:
+    """Return the page."""
+    found = sections()
+    contents = "\n".join(
+        f"{'    ' * (len(s.path) - 1)}* [`{s.title}`](#{_anchor(s)})" for s in found if s.path
+    )
+    return "\n".join([_HEAD, contents, "", *(_section(section) for section in found)])
+
+
+def _anchor(section: Section) -> str:
+    """Return the anchor that Markdown's tools make of the heading: letters and digits are left."""
+    return section.title.replace(".", "")
+
+
+def _section(section: Section) -> str:
+    lines = [f"## {section.title}" if section.path else "## At the top of the file", ""]
+    off = " Off unless given." if section.optional else ""
+    lines += [f"{section.intro}{off}", ""]
+    for paragraph in section.more:
+        lines += [paragraph, ""]
+    if section.keys:
+        lines += [
+            "| key | type | unit | default | bounds | what it is |",
+            "|---|---|---|---|---|---|",
+        ]
+        lines += [_row(key) for key in section.keys]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _row(key: Key) -> str:
+    cells = (f"`{key.name}`", key.kind, key.unit, _default(key), key.bounds, key.description)
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def _default(key: Key) -> str:
+    if key.default is not REQUIRED:
+        return "none" if key.default is None else f"`{toml(key.default)}`"
+    if key.in_section is REQUIRED:
+        return "required"
+    return f"required; `{toml(key.in_section)}` without the section"
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(reference_markdown(), encoding="utf-8")

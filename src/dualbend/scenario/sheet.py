@@ -1,0 +1,275 @@
+"""From the keys of ``[sheet]`` to the sheet: named material, layers, numbers that win over both."""
+
+from __future__ import annotations
+
+import functools
+from typing import Annotated, Literal
+
+import msgspec
+
+from dualbend.beam import plastic
+from dualbend.beam.laminate import Laminate, Layer
+from dualbend.beam.material import Material, find_material
+from dualbend.beam.rigidity import Rigidity
+from dualbend.beam.sheet import Anisotropy, Sheet
+from dualbend.errors import InputError
+from dualbend.scene.sheet.shell import ShellConfig
+from dualbend.scene.sheet.strips import StripConfig
+
+_PROPERTIES = ("young_pa", "poisson_ratio", "density_kg_per_m3")
+_NUMBERS = (*_PROPERTIES, "yield_pa", "tangent_pa")
+
+MATERIAL_KEYS = ("material", "layers", *_NUMBERS)
+"""Keys that say what the sheet is of: naming a material or layers takes the inherited ones back."""
+
+
+def check_sheet(config: SheetConfig) -> None:
+    """Raise ValueError where the keys contradict, or make no thin sheet that stays flat."""
+    _refuse_contradictions(config)
+    try:
+        thickness = make_sheet(config).thickness_m
+    except InputError as error:
+        raise ValueError(str(error)) from error
+    _refuse_shell(config)
+    if thickness > 0.05 * min(config.length_m, config.width_m):
+        raise ValueError(
+            f"thickness_m = {thickness:g} is no thin sheet: at most a twentieth "
+            f"of length_m = {config.length_m} and width_m = {config.width_m}; all are in metres"
+        )
+
+
+def _refuse_shell(config: SheetConfig) -> None:
+    if config.model != "shell":
+        return
+    if config.rigidity == "width":
+        raise ValueError('rigidity = "width": a shell is a plate: rigidity has no say')
+    if config.plastic:
+        raise ValueError('plastic = true: a shell stays elastic; use model = "strips"')
+    if make_sheet(config).anisotropy is not None:
+        raise ValueError(
+            'model = "shell" is of one material that is alike in all directions; a laminate or an '
+            'orthotropic sheet needs model = "strips"'
+        )
+
+
+def _refuse_contradictions(config: SheetConfig) -> None:
+    if config.layers is None:
+        needed = ("thickness_m", *(_PROPERTIES if config.material is None else ()))
+        missing = [key for key in needed if getattr(config, key) is None]
+        if missing:
+            other = "layers" if missing == ["thickness_m"] else "a material or layers"
+            raise ValueError(f"{', '.join(missing)}: missing; give a number, or {other}")
+        return
+    both = [k for k in MATERIAL_KEYS if k != "layers" and getattr(config, k) is not None]
+    if both:
+        raise ValueError(f"{both[0]}: the layers say it already; give one of the two")
+    total = sum(layer.thickness_m for layer in config.layers)
+    given = config.thickness_m
+    if given is not None and abs(given - total) > 1e-6 * total:
+        raise ValueError(
+            f"thickness_m = {given:g}: the layers are {total:g} together; leave it out"
+        )
+
+
+def make_sheet(config: SheetConfig) -> Sheet:
+    """Return the sheet of a scenario's keys; InputError where a material or laminate is none."""
+    whole = substance(config)
+    material = whole.layers[0].material
+    young, poisson, anisotropy = material.young_pa, material.poisson_ratio, None
+    if len(whole.layers) > 1 or material.shear_pa is not None:
+        D, t = whole.D, whole.thickness_m
+        young = 12.0 * whole.bending_per_width_nm / t**3
+        poisson = float(D[0, 1] / (D[0, 0] * D[1, 1]) ** 0.5)
+        anisotropy = Anisotropy(
+            shear=float(12.0 * D[2, 2] / t**3) / young,
+            stretch=whole.stretch_per_width_n_per_m / t / young,
+            across=float(D[1, 1] / D[0, 0]),
+        )
+    return Sheet(
+        length_m=config.length_m,
+        width_m=config.width_m,
+        thickness_m=whole.thickness_m,
+        young_pa=young,
+        poisson_ratio=poisson,
+        density_kg_per_m3=whole.density_kg_per_m3,
+        # A shell is a plate: what theory says of it must be of one, too.
+        rigidity="plate" if config.model == "shell" else config.rigidity,
+        curvature_per_m=config.curvature_per_m or 0.0,
+        anisotropy=anisotropy,
+        plasticity=_plasticity(whole) if config.plastic else None,
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def substance(config: SheetConfig) -> Laminate:
+    """Return the sheet as a laminate, of one layer where it is of one material.
+
+    Raises
+    ------
+    InputError
+        A material is not in the library, or the laminate would curl.
+    """
+    if config.layers is None:
+        assert config.thickness_m is not None
+        return Laminate((Layer(material=_material(config), thickness_m=config.thickness_m),))
+    laminate = Laminate(
+        tuple(
+            Layer(
+                material=_named(layer.material, f"layers[{i}].material"),
+                thickness_m=layer.thickness_m,
+            )
+            for i, layer in enumerate(config.layers)
+        )
+    )
+    try:
+        laminate.refuse_curl()
+    except InputError as error:
+        raise InputError(f"layers: {error}") from error
+    return laminate
+
+
+def _material(config: SheetConfig) -> Material:
+    """Return the named material with what is given in the place of its own numbers."""
+    given = {key: getattr(config, key) for key in _NUMBERS if getattr(config, key) is not None}
+    if config.material is None:
+        return Material(name="its material", **given)
+    named = _named(config.material, "material")
+    if not given:
+        return named
+    own = {key: getattr(named, key) for key in named.__dataclass_fields__}
+    if "young_pa" in given:
+        # The library's modulus across and in shear belong to its own modulus along.
+        own["transverse_young_pa"] = own["shear_pa"] = None
+    return Material(**{**own, **given})
+
+
+def _plasticity(whole: Laminate) -> plastic.Plasticity:
+    try:
+        if len(whole.layers) == 1:
+            return plastic.of_material(whole.layers[0].material)
+        return plastic.of_laminate(whole)
+    except InputError as error:
+        raise InputError(
+            f"plastic = true: {error}; give yield_pa or a material that has one"
+        ) from error
+
+
+def _named(name: str, key: str) -> Material:
+    try:
+        return find_material(name)
+    except InputError as error:
+        raise InputError(f"{key} = {name!r}: {error}") from error
+
+
+class LayerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One layer of a laminate, from the sheet's lower face to its upper one."""
+
+    material: Annotated[str, msgspec.Meta(description="from `dualbend materials`")]
+    thickness_m: Annotated[float, msgspec.Meta(ge=1e-6, le=0.01, description="of this layer")]
+
+
+class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Size, material and division of the sheet; the length is the free one between the grips.
+
+    The material is one of the library (`dualbend materials`), or numbers, or both: a number that
+    is given wins. A laminate's layers say thickness and all properties.
+    """
+
+    length_m: Annotated[
+        float, msgspec.Meta(ge=0.05, le=3.0, description="free length between the grips")
+    ]
+    width_m: Annotated[float, msgspec.Meta(ge=0.005, le=3.0, description="along the bending axis")]
+    thickness_m: (
+        Annotated[
+            float,
+            msgspec.Meta(
+                ge=1e-5,
+                le=0.01,
+                description="at most a twentieth of length and width; none: that of the layers",
+            ),
+        ]
+        | None
+    ) = None
+    material: (
+        Annotated[
+            str, msgspec.Meta(description="from `dualbend materials`; gives what is none below")
+        ]
+        | None
+    ) = None
+    layers: (
+        Annotated[
+            tuple[LayerConfig, ...],
+            msgspec.Meta(
+                min_length=1,
+                max_length=50,
+                description="a laminate from its lower to its upper face, symmetric",
+            ),
+        ]
+        | None
+    ) = None
+    young_pa: (
+        Annotated[float, msgspec.Meta(ge=1e8, le=1e12, description="Young's modulus")] | None
+    ) = None
+    poisson_ratio: (
+        Annotated[
+            float, msgspec.Meta(ge=0, lt=0.5, description="enters the twist and a plate's rigidity")
+        ]
+        | None
+    ) = None
+    density_kg_per_m3: (
+        Annotated[float, msgspec.Meta(ge=100, le=25000, description="mass density")] | None
+    ) = None
+    yield_pa: (
+        Annotated[float, msgspec.Meta(gt=0, description="0.2 % yield strength; none: not known")]
+        | None
+    ) = None
+    tangent_pa: (
+        Annotated[float, msgspec.Meta(ge=0, description="slope of the stress beyond yield")] | None
+    ) = None
+    rigidity: Annotated[
+        Rigidity,
+        msgspec.Meta(
+            description="bends as a beam (EI), as a plate (EI / (1 - nu²)), or between them by its "
+            "width"
+        ),
+    ] = "beam"
+    curvature_per_m: (
+        Annotated[
+            float,
+            msgspec.Meta(
+                ge=0,
+                description='at which rigidity = "width" is taken; none: largest of the path [1/m]',
+            ),
+        ]
+        | None
+    ) = None
+    plastic: Annotated[
+        bool, msgspec.Meta(description="it yields and springs back; false: it stays elastic")
+    ] = False
+    model: Annotated[
+        Literal["strips", "shell"],
+        msgspec.Meta(
+            description="strips: a chain, as stiff as rigidity says; shell: a plate, at many times "
+            "the cost"
+        ),
+    ] = "strips"
+    strips: StripConfig = StripConfig()
+    shell: ShellConfig = ShellConfig()
+
+    def __post_init__(self) -> None:
+        """Refuse what is no thin sheet, no known material, and a laminate that would curl."""
+        check_sheet(self)
+
+    @property
+    def limit_strain(self) -> float | None:
+        """Surface strain κ t/2 at which the sheet yields or breaks; None: not known."""
+        return substance(self).surface_limit()
+
+    @property
+    def sections(self) -> int:
+        """Number of places along the sheet at which it bends."""
+        return self.strips.hinges if self.model == "strips" else self.shell.cells_along
+
+    def sheet(self) -> Sheet:
+        """Return the sheet that the beam mathematics speaks of."""
+        return make_sheet(self)

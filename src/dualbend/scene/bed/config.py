@@ -1,0 +1,106 @@
+"""Bed, alignment pins, pick-up stand and holes of an assembly, as a scenario gives them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+
+from dualbend.types import Vector
+
+Length = Annotated[float, msgspec.Meta(gt=0, lt=3)]
+
+
+HOLES = ("middle_left", "middle_right", "outer_left", "outer_right")
+"""Holes and pins, as every array of four has them; left is negative along the sheet."""
+
+
+class HolePairConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Two holes, or two pins, that are each other's image in the sheet's middle.
+
+    One stands at (−along, −across), the other at (+along, +across), from the middle.
+    """
+
+    along_m: Annotated[float, msgspec.Meta(ge=0, lt=1.5, description="arc length from the middle")]
+    across_m: Annotated[float, msgspec.Meta(ge=-1.5, le=1.5, description="off the centre line")] = (
+        0.0
+    )
+
+
+class HolesConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The sheet's four holes: the middle pair goes over its pins first, then the outer pair."""
+
+    middle: HolePairConfig = HolePairConfig(along_m=0.04)
+    outer: HolePairConfig = HolePairConfig(along_m=0.14)
+    clearance_m: Annotated[
+        float, msgspec.Meta(gt=0, lt=5e-3, description="hole's diameter less the pin's")
+    ] = 0.2e-3
+    errors_m: Annotated[
+        tuple[tuple[float, float], ...],
+        msgspec.Meta(
+            min_length=4, max_length=4, description="each hole off its place, along and across"
+        ),
+    ] = ((0.0, 0.0),) * 4
+
+
+class PinsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The four alignment pins, where the holes of a flat sheet belong."""
+
+    diameter_m: Annotated[float, msgspec.Meta(ge=1e-3, le=0.03, description="of the shank")] = (
+        4.76e-3
+    )
+    height_m: Annotated[float, msgspec.Meta(ge=2e-3, le=0.05, description="tip above the bed")] = (
+        6e-3
+    )
+    tip: Annotated[Literal["round", "taper"], msgspec.Meta(description="half a ball or a cone")] = (
+        "round"
+    )
+    taper_length_m: Annotated[
+        float, msgspec.Meta(gt=0, le=0.05, description="of a tapered tip")
+    ] = 4e-3
+    friction: Annotated[float, msgspec.Meta(ge=0, le=2, description="pin against hole's edge")] = (
+        0.2
+    )
+
+    @property
+    def tip_m(self) -> float:
+        """Length of the tip, over which a pin gets thinner [m]."""
+        return 0.5 * self.diameter_m if self.tip == "round" else self.taper_length_m
+
+
+class BedConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The assembly bed: a flat block with the pins, under the cell's origin."""
+
+    half_length_m: Annotated[Length, msgspec.Meta(description="half the block along x")] = 0.16
+    half_width_m: Annotated[Length, msgspec.Meta(description="half the block along y")] = 0.05
+    top_m: Annotated[float, msgspec.Meta(gt=0, lt=3, description="above the floor")] = 0.672
+    friction: Annotated[float, msgspec.Meta(ge=0, le=2, description="bed and stand")] = 0.2
+
+
+class StandConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The pick-up stand: a flat block beside the bed."""
+
+    y_m: Annotated[float, msgspec.Meta(ge=-1.5, le=1.5, description="its middle, in the world")] = (
+        0.30
+    )
+    half_length_m: Annotated[Length, msgspec.Meta(description="half the block along x")] = 0.16
+    half_width_m: Annotated[Length, msgspec.Meta(description="half the block along y")] = 0.05
+    top_m: Annotated[float, msgspec.Meta(gt=0, lt=3, description="above the floor")] = 0.672
+
+
+class LayoutConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Everything that the arms' workplace holds beside the sheet itself."""
+
+    holes: HolesConfig = HolesConfig()
+    pins: PinsConfig = PinsConfig()
+    bed: BedConfig = BedConfig()
+    stand: StandConfig = StandConfig()
+
+
+def hole_places(holes: HolesConfig) -> Vector:
+    """Return (4, 2): distance along and across the sheet from its middle [m], in HOLES' order."""
+    pairs = (holes.middle, holes.outer)
+    return np.array(
+        [(sign * pair.along_m, sign * pair.across_m) for pair in pairs for sign in (-1.0, 1.0)]
+    )

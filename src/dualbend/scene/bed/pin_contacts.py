@@ -1,0 +1,65 @@
+"""What happens between holes and pins: forces step by step, places of the holes."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from dualbend.beam.sheet import Sheet
+from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
+from dualbend.scene.bed.mjcf import laid_body
+from dualbend.scene.sheet.strips import StripConfig, strip_body
+from dualbend.types import Vector
+
+
+class PinContacts:
+    """The holes against their pins, in the order of :data:`dualbend.scene.bed.config.HOLES`."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        layout: LayoutConfig,
+        sheet: Sheet,
+        strips: StripConfig,
+    ) -> None:
+        self._data = data
+        names = [f"{kind}_{hole}" for kind in ("net", "edge") for hole in HOLES]
+        first = min(model.sensor(name).adr[0] for name in names)
+        order = [model.sensor(name).adr[0] - first for name in names]
+        self._read = first + np.add.outer(order, np.arange(3))
+        self._sites = [model.site(f"hole_{hole}").id for hole in HOLES]
+        self._pins = np.column_stack((hole_places(layout.holes), [layout.bed.top_m] * len(HOLES)))
+        self._half_thickness_m = sheet.thickness_m / 2
+        self._strips = [model.body(strip_body(i)).id for i in range(strips.hinges + 1)]
+        self._model = model
+        self._squared = np.zeros(2 * len(HOLES))
+
+    def look(self) -> None:
+        """Keep the largest forces since the last :meth:`peaks`; once a physics step."""
+        force = self._data.sensordata[self._read]
+        np.maximum(self._squared, np.einsum("ij,ij->i", force, force), out=self._squared)
+
+    def peaks(self) -> Vector:
+        """Return (2, 4) and begin anew: force on each pin, largest force of one contact [N]."""
+        force = np.sqrt(self._squared).reshape(2, len(HOLES))
+        self._squared[:] = 0.0
+        return force
+
+    def offsets(self) -> Vector:
+        """Return (4, 3): each hole's centre from its pin's axis, x and y [m], and its height [m].
+
+        The height is that of the sheet's lower face above the bed.
+        """
+        away = self._data.site_xpos[self._sites] - self._pins
+        away[:, 2] -= self._half_thickness_m
+        return np.asarray(away)
+
+    def lay(self, number: int) -> None:
+        """Leave a copy of the sheet that does not move where its strips are now."""
+        data, model = self._data, self._model
+        for i, strip in enumerate(self._strips):
+            mocap = model.body_mocapid[model.body(laid_body(number, i)).id]
+            # A strip's centre of mass is its plate's middle; the simulated model has no plates.
+            data.mocap_pos[mocap] = data.xipos[strip]
+            data.mocap_quat[mocap] = data.xquat[strip]

@@ -1,0 +1,1 @@
+"""The flexible sheet as MuJoCo models: a chain of strips or a shell."""

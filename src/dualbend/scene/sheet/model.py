@@ -1,0 +1,163 @@
+"""The sheet in a compiled cell, whichever its model: where it is put and how it is bent.
+
+Both models have N places of bending at arc lengths (i + 1/2) L/N and N + 1 flat pieces between
+them, the middle one at the sheet's middle; so one set of slopes places either.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.beam.sheet import Sheet
+from dualbend.scene.sheet.shell import (
+    MEMBRANE,
+    ShellConfig,
+    end_body,
+    row_places,
+    row_shares,
+    set_elasticity,
+    vertex_body,
+)
+from dualbend.scene.sheet.strips import (
+    LEFT_END,
+    RIGHT_END,
+    StripConfig,
+    bend_joint,
+    hinge_stiffness,
+    strip_body,
+)
+from dualbend.types import Vector
+
+
+class SheetModel(Protocol):
+    """What the simulation needs of a sheet.
+
+    Attributes
+    ----------
+    bend_stiffness : moment over bending angle at a place of bending [N m/rad]
+    dofs : (n,) the sheet's degrees of freedom
+    """
+
+    bend_stiffness: float
+    dofs: NDArray[np.intp]
+
+    def place(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
+        """Write positions: slopes of the pieces (N + 1,) [rad], middle (3,) in the world, turn."""
+
+    def bending_angles(self, data: mujoco.MjData) -> Vector:
+        """Return the bending angles from the left end (N,) [rad]."""
+
+    def middle_height(self, data: mujoco.MjData) -> float:
+        """Return the height of the sheet's middle [m]."""
+
+
+class StripModel:
+    """The chain of strips."""
+
+    def __init__(self, model: mujoco.MjModel, strips: StripConfig) -> None:
+        self._model = model
+        bends = [model.joint(bend_joint(i)) for i in range(strips.hinges)]
+        self.bend_q = np.array([joint.qposadr[0] for joint in bends])
+        self.bend_stiffness = hinge_stiffness(model, 0)
+        self._middle = model.body(strip_body(strips.hinges // 2)).id
+        self._free_q = model.joint("sheet").qposadr[0]
+        own = [i for i in range(model.njnt) if model.joint(i).name.startswith("sheet_")]
+        self._own_q = model.jnt_qposadr[own]
+        free = model.joint("sheet").dofadr[0] + np.arange(6)
+        self.dofs = np.concatenate((free, model.jnt_dofadr[own]))
+
+    def place(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
+        """Write hinge angles and the middle strip's pose; untwisted."""
+        qpos[self._own_q] = 0.0
+        qpos[self.bend_q] = np.diff(slopes)
+        free = self._free_q
+        qpos[free : free + 3] = middle_m
+        qpos[free + 3 : free + 7] = np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)
+
+    def bending_angles(self, data: mujoco.MjData) -> Vector:
+        """Return the hinges' angles."""
+        return np.asarray(data.qpos[self.bend_q])
+
+    def middle_height(self, data: mujoco.MjData) -> float:
+        """Return the height of the middle strip's centre."""
+        return float(data.xpos[self._middle, 2])
+
+
+class ShellModel:
+    """The plate's grid of vertices; sets its bending in the compiled model."""
+
+    def __init__(self, model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
+        self._model, self._sheet, self._config = model, sheet, config
+        set_elasticity(model, sheet, config)
+        n, rows = config.cells_along, config.cells_across + 2
+        self._spacing = sheet.length_m / n
+        as_plate = replace(sheet, rigidity="plate")
+        self.bend_stiffness = as_plate.bending_stiffness_nm2 / self._spacing
+        bodies = np.array(
+            [[model.body(vertex_body(i, j)).id for j in range(rows)] for i in range(2, n)]
+        )
+        self._home = model.body_pos[bodies]
+        first = model.jnt_qposadr[model.body_jntadr[bodies]]
+        self._q = first[..., np.newaxis] + np.arange(3)
+        self.dofs = (
+            model.jnt_dofadr[model.body_jntadr[bodies]][..., np.newaxis] + np.arange(3)
+        ).ravel()
+        flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, MEMBRANE)
+        at = int(model.flex_vertadr[flex])
+        self._vertices = slice(at, at + (n + 2) * rows)
+        ends = [model.joint(end_body(end)) for end in (LEFT_END, RIGHT_END)]
+        self._shares = row_shares(sheet, config) / sheet.width_m
+        self._ends_q = [joint.qposadr[0] for joint in ends]
+        edge_dofs = [joint.dofadr[0] + np.arange(6) for joint in ends]
+        self.dofs = np.concatenate((*edge_dofs, self.dofs))
+
+    def columns(self, data: mujoco.MjData) -> Vector:
+        """Return the vertices (N + 2, M + 2, 3) in the world [m]."""
+        return np.asarray(data.flexvert_xpos[self._vertices]).reshape(
+            self._config.cells_along + 2, self._config.cells_across + 2, 3
+        )
+
+    def place(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
+        """Put the free vertices on the cylinder of these slopes; the grips have the others."""
+        h = self._spacing
+        steps = h * np.stack((np.cos(slopes), -np.sin(slopes)), axis=1)
+        line = np.concatenate((np.zeros((1, 2)), np.cumsum(steps, axis=0)))
+        half = len(slopes) // 2
+        line -= 0.5 * (line[half] + line[half + 1])
+        across = row_places(self._sheet, self._config)
+        x, y = line[2:-2, :1], across[np.newaxis]
+        c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+        z = np.broadcast_to(line[2:-2, 1:], np.broadcast_shapes(x.shape, y.shape))
+        places = np.stack((c * x - s * y, s * x + c * y, z), axis=2) + middle_m
+        qpos[self._q] = places - self._home
+        for at, (a, b), alpha, turn in zip(
+            self._ends_q,
+            ((0, 1), (-2, -1)),
+            (slopes[0], -slopes[-1]),
+            (yaw_rad, yaw_rad + np.pi),
+            strict=True,
+        ):
+            along, up = 0.5 * (line[a] + line[b])
+            qpos[at : at + 3] = middle_m + np.array([c * along, s * along, up])
+            (ct, ca), (st, sa) = np.cos([turn / 2, alpha / 2]), np.sin([turn / 2, alpha / 2])
+            qpos[at + 3 : at + 7] = ct * ca, -st * sa, ct * sa, st * ca
+
+    def bending_angles(self, data: mujoco.MjData) -> Vector:
+        """Return the turn of the mid-line of the columns' means from piece to piece."""
+        line = np.einsum("ijk,j->ik", self.columns(data), self._shares)
+        steps = np.diff(line, axis=0)
+        before, after = steps[:-1], steps[1:]
+        axis = np.cross(before, after)
+        across = self.columns(data)[1:-1, -1] - self.columns(data)[1:-1, 0]
+        sine = np.sum(axis * across, axis=1) / np.linalg.norm(across, axis=1)
+        return np.asarray(np.arctan2(sine, np.sum(before * after, axis=1)))
+
+    def middle_height(self, data: mujoco.MjData) -> float:
+        """Return the mean height of the two columns beside the middle."""
+        half = self._config.cells_along // 2
+        return float((self.columns(data)[half : half + 2, :, 2] @ self._shares).mean())

@@ -1,0 +1,215 @@
+"""The flexible sheet as a composite of rigid strips in one kinematic chain.
+
+N bending hinges of stiffness ``k = EI/h``, ``h = L/N``, stand at arc lengths ``(i + 1/2) h``, i
+from 0 to N - 1. The outermost strips are thereby half as long as the others and each clamp holds
+the sheet where it really ends: the error is O(h²). Every second place also has a twist hinge; the
+T of them have ``T GJ/L`` each, so that the chain twists as the sheet does. The chain hangs from a
+free joint at its middle strip: half as deep as from an end. Both choices are for speed: the degrees
+of freedom are what a step costs.
+
+A sheet that yields has springs side by side on each hinge, fixed tendons with MuJoCo's
+``springyield`` (ideal elasto-plasticity): together they are the section's moment and curvature.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import msgspec
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.beam.plastic import HingeSprings
+from dualbend.beam.sheet import Sheet
+
+CLAMPED_FIRST_ROOT = 4.730040744862704
+"""First root of cosh(b) cos(b) = 1: the clamped-clamped beam's first mode."""
+
+_TWIST_EVERY = 2
+"""Bending hinges to a twist hinge, counted from the middle."""
+
+LEFT_END, RIGHT_END = "sheet_left_end", "sheet_right_end"
+"""Sites at the clamp lines; x points into the sheet, y along the bending axis of that end's arm."""
+
+
+class StripConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How finely the sheet is divided and how it is damped."""
+
+    hinges: Annotated[int, msgspec.Meta(ge=4, le=200, description="bending hinges, even")] = 20
+    damping_ratio: Annotated[
+        float, msgspec.Meta(ge=0, lt=1, description="of the first clamped bending mode")
+    ] = 0.02
+    springs: Annotated[
+        int,
+        msgspec.Meta(
+            ge=4, le=16, description="that yield one after the other, of each hinge; plastic only"
+        ),
+    ] = 10
+
+    def __post_init__(self) -> None:
+        """Refuse an odd number of hinges: the chain hangs from its middle strip."""
+        if self.hinges % 2:
+            raise ValueError(
+                f"hinges must be even (the chain hangs from its middle strip), got {self.hinges}"
+            )
+
+
+def damping_time(sheet: Sheet, damping_ratio: float) -> float:
+    """Return β [s], hinge damping over stiffness, for a damping ratio ζ of the first clamped mode.
+
+    ``β = 2 ζ / ω₁`` with ``ω₁ = (4.730/L)² sqrt(EI / ρA)``.
+    """
+    mass_per_length = sheet.mass_kg / sheet.length_m
+    omega_1 = (CLAMPED_FIRST_ROOT / sheet.length_m) ** 2 * np.sqrt(
+        sheet.bending_stiffness_nm2 / mass_per_length
+    )
+    return float(2.0 * damping_ratio / omega_1)
+
+
+def twist_hinges(config: StripConfig) -> int:
+    """Return the number of twist hinges of the whole chain, both halves alike."""
+    return 2 * math.ceil(config.hinges / 2 / _TWIST_EVERY)
+
+
+def bend_joint(index: int) -> str:
+    """Name of the bending hinge at arc length ``(index + 1/2) h`` from the left end."""
+    return f"sheet_bend_{index:02d}"
+
+
+def twist_joint(index: int) -> str:
+    """Name of the twist hinge beside a bending hinge; every second one has it."""
+    return f"sheet_twist_{index:02d}"
+
+
+def yielding_spring(hinge: int, index: int) -> str:
+    """Name of the tendon that is one of the yielding springs of a bending hinge."""
+    return f"sheet_yield_{hinge:02d}_{index:02d}"
+
+
+def strip_body(index: int) -> str:
+    """Name of strip ``index`` of N + 1, counted from the left end."""
+    return f"sheet_strip_{index:02d}"
+
+
+def add_sheet(
+    spec: mujoco.MjSpec, sheet: Sheet, config: StripConfig, middle_position_m: NDArray[np.float64]
+) -> None:
+    """Add the flat sheet to ``spec``, its middle at ``middle_position_m`` (3,) in the world.
+
+    Every bending hinge's angle is positive where the slope grows along the arc length, so the
+    section's moment is ``EI dθ/ds = k q`` in the sign of :mod:`dualbend.beam.rod.planar`.
+    """
+    n = config.hinges
+    middle = spec.worldbody.add_body(name=strip_body(n // 2), pos=middle_position_m)
+    middle.add_freejoint(name="sheet")
+    h = sheet.length_m / n
+    _fill_strip(middle, sheet, h, 0.0)
+    if sheet.plasticity is not None:
+        springs = hinge_springs(sheet, config)
+        for hinge in range(n):
+            _add_yielding(spec, hinge, springs, h, sheet.bending_stiffness_nm2 / h)
+    for direction, site, yaw in ((-1, LEFT_END, 0.0), (1, RIGHT_END, np.pi)):
+        end = _add_half(middle, sheet, config, direction)
+        end.add_site(
+            name=site,
+            pos=[direction * h / 2, 0.0, 0.0],
+            quat=[np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)],
+            group=4,
+            size=[0.003, 0.003, 0.003],
+        )
+
+
+def hinge_springs(sheet: Sheet, config: StripConfig) -> HingeSprings:
+    """Return how each hinge of a sheet that yields does so, in curvatures and shares of EI."""
+    assert sheet.plasticity is not None
+    return sheet.plasticity.springs(sheet.thickness_m, config.springs)
+
+
+def hinge_stiffness(model: mujoco.MjModel, hinge: int) -> float:
+    """Return the elastic stiffness of a bending hinge with all its springs [N m/rad]."""
+    joint = model.joint(bend_joint(hinge)).id
+    on_it = [
+        i
+        for i in range(model.ntendon)
+        if model.wrap_objid[model.tendon_adr[i]] == joint
+        and model.tendon(i).name.startswith("sheet_yield_")
+    ]
+    return float(model.jnt_stiffness[joint].flat[0] + model.tendon_stiffness[on_it].sum())
+
+
+def _add_yielding(
+    spec: mujoco.MjSpec, hinge: int, springs: HingeSprings, h: float, stiffness: float
+) -> None:
+    """Put the yielding springs on a hinge; the joint's own is what never yields."""
+    for i, (share, curvature) in enumerate(
+        zip(springs.share.tolist(), springs.yield_curvature.tolist(), strict=True)
+    ):
+        tendon = spec.add_tendon(name=yielding_spring(hinge, i))
+        tendon.wrap_joint(bend_joint(hinge), 1.0)
+        tendon.stiffness = [share * stiffness, 0.0, 0.0]
+        tendon.springyield = curvature * h
+        # Without it the rest length is that of qpos_spring, which is the same.
+        tendon.springlength = [0.0, 0.0]
+
+
+def _add_half(
+    middle: mujoco.MjsBody, sheet: Sheet, config: StripConfig, direction: int
+) -> mujoco.MjsBody:
+    """Chain the strips of one half outward from the middle; returns the end strip."""
+    n = config.hinges
+    h = sheet.length_m / n
+    bend = sheet.bending_stiffness_nm2 / h
+    twist = twist_hinges(config) * sheet.torsional_stiffness_nm2 / sheet.length_m
+    beta = damping_time(sheet, config.damping_ratio)
+    elastic = 1.0 if sheet.plasticity is None else hinge_springs(sheet, config).elastic
+    parent, offset = middle, direction * h / 2
+    for i in range(n // 2):
+        hinge = n // 2 - 1 - i if direction < 0 else n // 2 + i
+        strip = hinge if direction < 0 else hinge + 1
+        body = parent.add_body(name=strip_body(strip), pos=[offset, 0.0, 0.0])
+        body.add_joint(
+            name=bend_joint(hinge),
+            type=mujoco.mjtJoint.mjJNT_HINGE,
+            axis=[0.0, float(direction), 0.0],
+            stiffness=elastic * bend,
+            damping=beta * bend,
+        )
+        if i % _TWIST_EVERY == 0:
+            body.add_joint(
+                name=twist_joint(hinge),
+                type=mujoco.mjtJoint.mjJNT_HINGE,
+                axis=[float(direction), 0.0, 0.0],
+                stiffness=twist,
+                damping=beta * twist,
+            )
+        length = h / 2 if i == n // 2 - 1 else h
+        _fill_strip(body, sheet, length, direction * length / 2)
+        parent, offset = body, direction * length
+    return parent
+
+
+def _fill_strip(body: mujoco.MjsBody, sheet: Sheet, length_m: float, centre_x_m: float) -> None:
+    """Give a strip its inertia and its picture."""
+    w, t = sheet.width_m, sheet.thickness_m
+    mass = sheet.mass_kg * length_m / sheet.length_m
+    body.explicitinertial = True
+    body.mass = mass
+    body.ipos = [centre_x_m, 0.0, 0.0]
+    body.inertia = [
+        mass * (w**2 + t**2) / 12,
+        mass * (length_m**2 + t**2) / 12,
+        mass * (length_m**2 + w**2) / 12,
+    ]
+    body.add_geom(
+        name=f"{body.name}_plate",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[length_m / 2, w / 2, t / 2],
+        pos=[centre_x_m, 0.0, 0.0],
+        mass=0.0,
+        contype=0,
+        conaffinity=0,
+        group=2,
+        rgba=[0.30, 0.52, 0.80, 1.0],
+    )

@@ -1,0 +1,36 @@
+"""Physics that can no longer be believed: MuJoCo's warning counters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+
+
+class SimulationFailed(Exception):  # noqa: N818 - an outcome of a run
+    """The physics can no longer be believed; the message says why."""
+
+
+@contextmanager
+def warnings_counted_only() -> Iterator[None]:
+    """Keep MuJoCo from writing its warnings into a log file of the user's folder.
+
+    They are counted in the data, and :func:`refuse_warnings` reads the counters.
+    """
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def refuse_warnings(data: mujoco.MjData) -> None:
+    """Raise SimulationFailed where any of MuJoCo's warning counters is above zero."""
+    counts = np.asarray(data.warning.number)
+    if counts.any():
+        kind = int(np.argmax(counts))
+        name = mujoco.mjtWarning(kind).name.removeprefix("mjWARN_")
+        raise SimulationFailed(f"MuJoCo warning {name} (counted {counts[kind]})")

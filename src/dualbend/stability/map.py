@@ -1,0 +1,195 @@
+"""The map in (b, k): the largest stiffness at which a loop with these gains is stable."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig
+from dualbend.errors import InputError
+from dualbend.scenario.scenario import Scenario
+from dualbend.stability.continuous import largest_stiffness
+from dualbend.stability.margins import FREQUENCIES_HZ, Z_INVERSE, margins
+from dualbend.stability.plant.coupling import ModeName
+from dualbend.stability.plant.environment import Environment, environments
+from dualbend.stability.prediction import Prediction
+from dualbend.stability.sampled import LoopElements, SampledLoop, si_per_unit
+from dualbend.stability.state_space import rational
+from dualbend.types import Vector
+
+ComplexVector = NDArray[np.complex128]
+
+PER_DECADE = 20
+"""Gains in a decade of a map, b and k alike."""
+
+B_TIMES, K_TIMES = (1e-2, 1e2), (1e-4, 1e1)
+"""How far a map reaches, times the scenario's gains; the paper's boundary is at k below k_e."""
+
+SHOWN_ANGLES = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """The map of one axis by itself.
+
+    ``b`` (n,) and ``k`` (m,) in the scenario's units; ``stiffness``: by bending angle [rad], what
+    the loop feels there at the scenario's gains, in SI; ``sampled``: by bending angle, the gain
+    margin (n, m) of the sampled loop; ``paper`` (n, m): the largest stiffness that (23) allows;
+    ``gains``: b and k set.
+    """
+
+    axis: Literal["x", "rotation"]
+    units: tuple[str, str]
+    b: Vector
+    k: Vector
+    sampled: dict[float, Vector]
+    paper: Vector
+    stiffness: dict[float, float]
+    gains: tuple[float, float]
+
+
+def stability_map(
+    scenario: Scenario,
+    prediction: Prediction,
+    b_times: tuple[float, float] = B_TIMES,
+    k_times: tuple[float, float] = K_TIMES,
+) -> list[Panel]:
+    """Return the map of every axis that a prediction is about, times the scenario's gains.
+
+    Raises InputError where there is nothing to map, or a range is empty or not positive.
+    """
+    for key, (low, high) in (("--map-b", b_times), ("--map-k", k_times)):
+        if not 0.0 < low < high < math.inf:
+            raise InputError(
+                f"{key} {low:g} {high:g}: an empty range; needs two growing multiples of the "
+                "scenario's gain above 0, e.g. 0.01 100"
+            )
+    if scenario.compliance.modelled:
+        raise InputError(
+            f"--map: scenario {scenario.name!r} has compliance beyond the paper (schedule, "
+            "reference, fusion or predictor): its loop is no point of a map in (b, k)"
+        )
+    factors = _reach(*b_times), _reach(*k_times)
+    if not prediction.rows:
+        raise InputError(f"--map: {prediction.reason}")
+    elements = LoopElements.from_scenario(scenario)
+    # The last row has all axes that ever act.
+    return [
+        _panel(scenario, elements, prediction, name, factors) for name in prediction.rows[-1].axes
+    ]
+
+
+def _panel(
+    scenario: Scenario,
+    elements: LoopElements,
+    prediction: Prediction,
+    axis: Literal["x", "rotation"],
+    factors: tuple[Vector, Vector],
+) -> Panel:
+    config = scenario.compliance
+    given = config.x if axis == "x" else config.rotation
+    assert given is not None
+    factor = si_per_unit(config.units, axis)
+    b, k = given.b * factors[0], given.k * factors[1]
+    omega = 2.0 * math.pi * elements.response.config.natural_frequency_hz
+    rows = [row for row in prediction.rows if axis in row.axes]
+    shown = [
+        rows[i] for i in sorted({round(i) for i in np.linspace(0, len(rows) - 1, SHOWN_ANGLES)})
+    ]
+    at = environments(scenario, [row.alpha_rad for row in shown])
+    # The stiffness, but not the way, is that of the scenario's gains.
+    felt = {
+        row.alpha_rad: axis_alone(elements, e, row.moving, axis).felt(Z_INVERSE)[:, 0, 0]
+        for row, e in zip(shown, at, strict=True)
+    }
+    filters = _filters(config, axis, factors)
+    return Panel(
+        axis=axis,
+        units=gain_units(config, axis),
+        b=b,
+        k=k,
+        sampled={alpha: _gain_margins(gain, *filters) for alpha, gain in felt.items()},
+        paper=largest_stiffness(
+            b[:, np.newaxis] * factor,
+            k[np.newaxis] * factor,
+            omega,
+            2.0 * elements.response.config.damping_ratio * omega,
+        ),
+        stiffness={
+            row.alpha_rad: row.stiffness_x_n_per_m
+            if axis == "x"
+            else row.stiffness_rotation_nm_per_rad
+            for row in shown
+        },
+        gains=(given.b, given.k),
+    )
+
+
+def _reach(low: float, high: float) -> Vector:
+    """Return the factors on a gain, as far apart in every range: a diagonal is one k/b."""
+    steps = max(1, round(PER_DECADE * math.log10(high / low)))
+    return low * 10.0 ** (np.arange(steps + 1) / PER_DECADE)
+
+
+def gain_units(config: AdmittanceConfig, axis: Literal["x", "rotation"]) -> tuple[str, str]:
+    """Return the units of b and k."""
+    length, si, load = ("mm", "m", "N") if axis == "x" else ("deg", "rad", "N m")
+    unit = length if config.units == "paper" else si
+    return f"{load} s/{unit}", f"{load}/{unit}"
+
+
+def axis_alone(
+    elements: LoopElements, at: Environment, way: ModeName, axis: Literal["x", "rotation"]
+) -> SampledLoop:
+    """Return the loop of one axis by itself."""
+    acting = (axis == "x", axis == "rotation")
+    return SampledLoop(elements, at.loops[way], acting, at.inertia, at.arms[way])
+
+
+def _filters(
+    config: AdmittanceConfig, axis: Literal["x", "rotation"], factors: tuple[Vector, Vector]
+) -> tuple[Vector, dict[int, ComplexVector]]:
+    """Return the filter's factor g (n, m), and by diagonal of the map its shape 1/(1 − a z⁻¹).
+
+    Along a diagonal k/b is one and so is the pole a, and g falls as 1/b: δ = F/(b s + k) is
+    linear. One filter for each diagonal does.
+    """
+    given = config.x if axis == "x" else config.rotation
+    assert given is not None
+    along_b, along_k = factors
+    n, m = along_b.size, along_k.size
+    gains = np.empty((n, m))
+    shapes: dict[int, ComplexVector] = {}
+    for diagonal in range(1 - n, m):
+        rows = np.arange(max(0, -diagonal), min(n, m - diagonal))
+        first = int(rows[0])
+        changed = msgspec.structs.replace(
+            given,
+            b=given.b * float(along_b[first]),
+            k=given.k * float(along_k[first + diagonal]),
+        )
+        filters = Admittance(msgspec.structs.replace(config, **{axis: changed}))
+        part = filters.x if axis == "x" else filters.rotation
+        assert part is not None
+        gains[rows, rows + diagonal] = part.gain * along_b[first] / along_b[rows]
+        shapes[diagonal] = rational((np.ones(1), part.transfer_function()[1]), Z_INVERSE)
+    return gains, shapes
+
+
+def _gain_margins(felt: ComplexVector, gains: Vector, shapes: dict[int, ComplexVector]) -> Vector:
+    """Return the gain margin (n, m) of the sampled loop; 1 is the boundary.
+
+    With H = g/(1 − a z⁻¹), g is a factor only: one sweep for each diagonal of the map does.
+    """
+    of_diagonal = {
+        diagonal: margins(FREQUENCIES_HZ, (felt * shape)[:, np.newaxis], stable=True).gain
+        for diagonal, shape in shapes.items()
+    }
+    n, m = gains.shape
+    along = [[of_diagonal[j - i] for j in range(m)] for i in range(n)]
+    return np.asarray(np.array(along) / gains)

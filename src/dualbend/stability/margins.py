@@ -1,0 +1,146 @@
+"""Gain, phase and delay margin of a loop from the loci of the eigenvalues of L(jω).
+
+For one axis the locus is L itself. For two, det(I + k e^(−jφ) L) = 0 where an eigenvalue of L is
+−1/(k e^(−jφ)): the margins are those of a change that both axes undergo together.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.filters import NYQUIST_HZ
+from dualbend.stability.sampled import LoopElements, SampledLoop
+from dualbend.types import Vector
+
+ComplexVector = NDArray[np.complex128]
+
+FREQUENCIES_HZ: Vector = np.concatenate([[0.0], np.geomspace(0.02, NYQUIST_HZ, 1500)])
+"""Where a sampled loop is looked at; crossings are interpolated to 1e-5 of the margin."""
+
+Z_INVERSE: ComplexVector = np.exp(-2j * math.pi * FREQUENCIES_HZ * COMMAND_PERIOD_S)
+"""z⁻¹ at these frequencies."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Margins:
+    """How far the loop is from its boundary; infinite where nothing of the kind would reach it.
+
+    ``gain``: the factor on the loop's gain at which it becomes unstable, above 1 where it is
+    stable. ``phase_rad`` [rad] and ``delay_s`` [s]: lag and delay that it bears more; of an
+    unstable loop what would have to go, negative, NaN where that would not help.
+    ``crossover_hz``: where the locus of the gain margin crosses the negative axis [Hz].
+    """
+
+    gain: float
+    phase_rad: float
+    delay_s: float
+    crossover_hz: float
+
+    @property
+    def gain_db(self) -> float:
+        """Gain margin [dB]."""
+        return 20.0 * math.log10(self.gain)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """z⁻¹ on the unit circle and what all bending angles share there, computed once."""
+
+    frequency_hz: Vector
+    z_inverse: ComplexVector
+    shared: ComplexVector
+
+    @classmethod
+    def of(cls, elements: LoopElements) -> Sweep:
+        """Evaluate the shared elements."""
+        return cls(
+            frequency_hz=FREQUENCIES_HZ,
+            z_inverse=Z_INVERSE,
+            shared=elements.shared_gain(Z_INVERSE),
+        )
+
+
+def loop_margins(loop: SampledLoop, sweep: Sweep, *, stable: bool) -> Margins:
+    """Return the margins of a sampled loop whose verdict is known from its eigenvalues."""
+    gains = loop.open_loop(sweep.z_inverse, sweep.shared)
+    return margins(sweep.frequency_hz, eigenloci(gains), stable=stable)
+
+
+def eigenloci(gains: ComplexVector) -> ComplexVector:
+    """Return the eigenvalues (n, m) of L (n, m, m), m ≤ 2, each column continuous."""
+    if gains.shape[1] == 1:
+        return gains[:, :, 0]
+    half = (gains[:, 0, 0] + gains[:, 1, 1]) / 2
+    root = np.sqrt(half**2 - (gains[:, 0, 0] * gains[:, 1, 1] - gains[:, 0, 1] * gains[:, 1, 0]))
+    # The square root jumps where it crosses its cut; one that turns by more than π/2 has jumped.
+    jumps = np.real(root[1:] * np.conj(root[:-1])) < 0.0
+    root = root * np.where(np.concatenate([[0], np.cumsum(jumps)]) % 2, -1.0, 1.0)
+    return np.stack([half + root, half - root], axis=-1)
+
+
+def margins(frequency_hz: Vector, loci: ComplexVector, *, stable: bool) -> Margins:
+    """Return the margins from the loci (n, m) of a loop without unstable parts of its own."""
+    gain, crossover = _gain(frequency_hz, loci)
+    phase, delay = _phase(frequency_hz, loci, stable=stable)
+    return Margins(gain=gain, phase_rad=phase, delay_s=delay, crossover_hz=crossover)
+
+
+def _crossings(values: Vector) -> tuple[NDArray[np.intp], Vector]:
+    """Return after which samples a column changes sign, and which part of the way further on."""
+    before = np.flatnonzero((values[:-1] < 0.0) != (values[1:] < 0.0))
+    return before, values[before] / (values[before] - values[before + 1])
+
+
+def _between(
+    values: Vector | ComplexVector, before: NDArray[np.intp], part: Vector
+) -> ComplexVector:
+    mixed = values[before] * (1.0 - part) + values[before + 1] * part
+    return np.asarray(mixed, dtype=np.complex128)
+
+
+def _gain(frequency_hz: Vector, loci: ComplexVector) -> tuple[float, float]:
+    found = [(0.0, math.nan)]
+    for locus in loci.T:
+        before, part = _crossings(locus.imag)
+        points = [
+            (-float(v.real), float(f.real))
+            for v, f in zip(
+                _between(locus, before, part), _between(frequency_hz, before, part), strict=True
+            )
+        ]
+        # At standstill and at the Nyquist frequency a sampled locus is real anyway.
+        ends = [(-float(locus[i].real), float(frequency_hz[i])) for i in (0, -1)]
+        real = [e for e, i in zip(ends, (0, -1), strict=True) if _is_real(locus[i])]
+        found += [p for p in points + real if p[0] > 0.0]
+    reach, crossover = max(found)
+    return (1.0 / reach, crossover) if reach > 0.0 else (math.inf, math.nan)
+
+
+def _is_real(value: complex) -> bool:
+    return abs(value.imag) <= 1e-9 * abs(value)
+
+
+def _phase(frequency_hz: Vector, loci: ComplexVector, *, stable: bool) -> tuple[float, float]:
+    """Return the phase [rad] and delay [s] that are left, or, negative, that are too much."""
+    found: list[tuple[float, float]] = []
+    for locus in loci.T:
+        before, part = _crossings(np.abs(locus) - 1.0)
+        # Followed from standstill on, so that a lag of more than half a turn stays one.
+        phase = np.unwrap(np.angle(locus))
+        left = _between(phase, before, part).real + math.pi
+        if stable:
+            # A delay only turns the locus clockwise: the other way to −1 is a long way round.
+            left = left % (2.0 * math.pi)
+        rate = 2.0 * math.pi * _between(frequency_hz, before, part).real
+        found += zip(left.tolist(), (left / rate).tolist(), strict=True)
+    if stable:
+        phases = [min(left, 2.0 * math.pi - left) for left, _ in found]
+        return min(phases, default=math.inf), min((d for _, d in found), default=math.inf)
+    # Where nothing lags too much the loop does not oscillate but drifts away.
+    late = [item for item in found if item[0] < 0.0]
+    return min(late, key=lambda item: item[1]) if late else (math.nan, math.nan)

@@ -1,0 +1,1 @@
+"""What the controller acts on: posed arms, sheet, equilibrium and the coupling of both arms."""

@@ -1,0 +1,130 @@
+"""An arm that gives way: its joints, servos and tool under load, over one 28 ms cycle.
+
+The simulated arm follows its set-points to within what the load does to it. About a pose, with the
+moved joints q, their mass matrix M, servos (K, D), the feed-forward inertia J₀ and the grip's
+Jacobian J,
+
+    (M + Jᵀ m J) q̈ + D (q̇ − q̇_r) + K (q − q_r) + Jᵀ S J q = J₀ q̈_r,
+
+S and m the sheet's stiffness and mass at the grip. It is stepped as the simulation steps it: by
+backward Euler at the physics step, which matters as half a step of delay.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.response import CommandResponse
+from dualbend.stability.state_space import Blocks
+from dualbend.types import Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joints:
+    """The n joints of one arm that its set-points move, at one pose.
+
+    ``mass`` (n, n) [kg m²] with the tool; ``stiffness``, ``damping``, ``feed_forward`` (n,) of the
+    servo [N m/rad, N m s/rad, kg m²], the damping with the joint's viscous friction; ``jacobian``
+    (3, n) to the grip's x, z, α; ``setpoint`` (n, 3): what a commanded x, z, α asks of the joints.
+    A joint that nothing moves is held by its dry friction and is not among them.
+    """
+
+    mass: Vector
+    stiffness: Vector
+    damping: Vector
+    feed_forward: Vector
+    jacobian: Vector
+    setpoint: Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class YieldingArm:
+    """A moving arm with what it carries, and what the sensor reads of its motion.
+
+    ``sent`` (3, 2): a grip's x, z, α per δx, δα; ``load`` and ``carried`` (3, 3): stiffness and
+    mass of the sheet at the arm's own grip; ``read`` and ``read_mass`` (2, 3): force x and moment
+    that the sensing arm loses per displacement and per acceleration of this grip.
+    """
+
+    joints: Joints
+    sent: Vector
+    load: Vector
+    carried: Vector
+    read: Vector
+    read_mass: Vector
+
+    def cycle(
+        self, response: CommandResponse, age_steps: int, acting: tuple[bool, bool]
+    ) -> tuple[Blocks, int]:
+        """Return one cycle from set-points of the acting axes to wrench, and whole cycles of age.
+
+        States: y, ẏ and the last set-point of each axis, then q and q̇. The wrench is the one of
+        ``age_steps`` >= 1 before the cycle's start but for the whole cycles, which are returned.
+        """
+        steps = response.steps
+        cycles = math.ceil(age_steps / steps)
+        sensed = cycles * steps - age_steps
+        sent, joints = self.sent[:, acting], self.joints
+        axes, n = sent.shape[1], len(joints.stiffness)
+        size = 3 * axes + 2 * n + axes
+        ends = _reference(response)
+        q, v = (np.eye(n, size, k=3 * axes + shift) for shift in (0, n))
+        from_axis = [
+            np.eye(size)[[axis, axes + axis, 2 * axes + axis, size - axes + axis]]
+            for axis in range(axes)
+        ]
+        advance = self._stepper(COMMAND_PERIOD_S / steps, joints.setpoint @ sent)
+        wrench = np.empty((0, size))
+        for step in range(steps):
+            reference = np.stack([ends[step] @ part for part in from_axis], axis=1)
+            q, v, acceleration = advance(q, v, reference)
+            if step == sensed:
+                grip = joints.jacobian @ q, joints.jacobian @ acceleration
+                wrench = -(self.read @ grip[0] + self.read_mass @ grip[1])[list(acting)]
+        last = np.stack([ends[-1] @ part for part in from_axis], axis=1)
+        setpoints = np.eye(size)[size - axes :]
+        end = np.vstack([last[0], last[1], setpoints, q, v])
+        states = size - axes
+        return Blocks(
+            a=end[:, :states], b=end[:, states:], c=wrench[:, :states], d=wrench[:, states:]
+        ), cycles
+
+    def _stepper(self, step_s: float, asked: Vector) -> _Advance:
+        """Return the physics step: joints, speeds and references to new joints, speeds, q̈."""
+        joints = self.joints
+        jacobian = joints.jacobian
+        mass = joints.mass + jacobian.T @ self.carried @ jacobian
+        spring = np.diag(joints.stiffness) + jacobian.T @ self.load @ jacobian
+        weights = np.stack([joints.stiffness, joints.damping, joints.feed_forward])
+        drive = weights[:, :, np.newaxis] * asked
+        solve = np.linalg.inv(mass + step_s * np.diag(joints.damping) + step_s**2 * spring)
+
+        def advance(q: Vector, v: Vector, reference: Vector) -> tuple[Vector, Vector, Vector]:
+            servo = np.einsum("kna,kas->ns", drive, reference)
+            speed = solve @ (mass @ v + step_s * (servo - spring @ q))
+            return q + step_s * speed, speed, (speed - v) / step_s
+
+        return advance
+
+
+_Advance = Callable[[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]
+
+
+def _reference(response: CommandResponse) -> Vector:
+    """Return y, ẏ, ÿ at the end of each step (steps, 3, 4) of (y, ẏ, u_prev, u_next)."""
+    omega = 2.0 * math.pi * response.config.natural_frequency_hz
+    rows = np.empty((response.steps, 3, 4))
+    for step in range(response.steps):
+        c, d = response.outputs_at(step)
+        rows[step, [0, 2]] = np.hstack([c, d])
+        part = (step + 1) / response.steps
+        setpoint = np.array([0.0, 0.0, 1.0 - part, part])
+        # ÿ + 2ξω ẏ + ω² y = ω² u tells the speed, which the response does not.
+        pull = omega**2 * (setpoint - rows[step, 0]) - rows[step, 2]
+        rows[step, 1] = pull / (2.0 * response.config.damping_ratio * omega)
+    return rows

@@ -1,0 +1,207 @@
+"""Stability told before the run: the verdict on the admittance loop along a scenario's path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Literal
+
+import msgspec
+import numpy as np
+
+from dualbend.scenario.scenario import Scenario
+from dualbend.stability.continuous import delayed_loop, paper_loop
+from dualbend.stability.margins import Sweep, loop_margins
+from dualbend.stability.mode import Mode
+from dualbend.stability.plant.coupling import ModeName
+from dualbend.stability.plant.environment import Environment, environments
+from dualbend.stability.sampled import AxisName, LoopElements, SampledLoop
+
+STEP_RAD = 0.05
+"""Distance of the bending angles that are looked at [rad]."""
+
+SINGLE_AXES: tuple[Literal["x", "rotation"], ...] = ("x", "rotation")
+
+
+class Row(msgspec.Struct, frozen=True, kw_only=True):
+    """The loop at one bending angle; null in JSON is an infinite margin or what does not apply.
+
+    ``moving``: which of the ways the arms can move is the least stable one. ``stiffness_*``: what
+    the loop feels between command and reading; ``inertia_*``: the tool's; ``softening_*``: by which
+    part arms and grasps in series lowered the stiffness. ``at_rest``: it is about the compliance's
+    own equilibrium, not the path's pose. ``paper_*``: (23), continuous without delay;
+    ``delayed_*``: continuous with the dead time and the true static compliance; both
+    of each axis alone, the worse one where axes are coupled.
+    """
+
+    alpha_rad: float
+    moving: ModeName
+    axes: tuple[Literal["x", "rotation"], ...]
+    at_rest: bool
+    stiffness_x_n_per_m: float
+    stiffness_rotation_nm_per_rad: float
+    inertia_x_kg: float
+    inertia_rotation_kg_m2: float
+    softening_x: float
+    softening_rotation: float
+    stable: bool
+    spectral_radius: float
+    growth_per_s: float
+    frequency_hz: float
+    damping_ratio: float
+    gain_margin: float
+    gain_margin_db: float
+    phase_margin_deg: float
+    delay_margin_s: float
+    crossover_hz: float
+    paper_stable: bool
+    delayed_stable: bool
+    delayed_gain_margin: float
+
+
+class Prediction(msgspec.Struct, frozen=True, kw_only=True):
+    """The verdict on a scenario: ``stable``, ``unstable`` or ``no compliance``.
+
+    ``unstable_rad``: the ranges of the bending angle predicted unstable, ends interpolated.
+    """
+
+    scenario: str
+    axis: AxisName
+    verdict: Literal["stable", "unstable", "no compliance"]
+    reason: str
+    unstable_rad: tuple[tuple[float, float], ...]
+    rows: tuple[Row, ...]
+
+
+def predict(scenario: Scenario, axis: AxisName = "coupled") -> Prediction:
+    """Predict the stability of the loop along the scenario's path.
+
+    Raises InputError where a pose is out of reach or the sheet's state is not found.
+    """
+    elements = LoopElements.from_scenario(scenario)
+    alphas, reason = acting_angles(scenario, elements, axis)
+    if not alphas:
+        return Prediction(
+            scenario=scenario.name,
+            axis=axis,
+            verdict="no compliance",
+            reason=f"{reason}: nothing to be unstable",
+            unstable_rad=(),
+            rows=(),
+        )
+    sweep = Sweep.of(elements)
+    rows = tuple(judge(elements, sweep, e, axis) for e in environments(scenario, alphas))
+    ranges = unstable_ranges([r.alpha_rad for r in rows], [r.growth_per_s for r in rows])
+    worst = max(rows, key=lambda row: row.spectral_radius)
+    what = "grows by" if not worst.stable else "dies out by"
+    return Prediction(
+        scenario=scenario.name,
+        axis=axis,
+        verdict="unstable" if ranges else "stable",
+        reason=(
+            f"worst at {worst.alpha_rad:.2f} rad: {worst.frequency_hz:.2f} Hz {what} "
+            f"{abs(worst.growth_per_s):.2f} /s, gain margin {worst.gain_margin:.3g}"
+        ),
+        unstable_rad=ranges,
+        rows=rows,
+    )
+
+
+def acting_angles(
+    scenario: Scenario, elements: LoopElements, axis: AxisName
+) -> tuple[list[float], str]:
+    """Return the angles to look at: every 0.05 rad from where an axis acts to the path's end.
+
+    None, and the reason, where no axis ever acts.
+    """
+    names = [name for name in SINGLE_AXES if axis in (name, "coupled")]
+    parts = [part for name in names if (part := getattr(elements.admittance, name)) is not None]
+    if not scenario.arms.complying or not parts:
+        of = (
+            ""
+            if axis == "coupled"
+            else f" about {axis}"
+            if axis == "rotation"
+            else f" along {axis}"
+        )
+        return [], f"no compliance{of}"
+    start, end = scenario.path.start_rad, scenario.path.end_rad
+    switches = [max(part.from_alpha_rad, start) for part in parts]
+    if min(switches) > end:
+        first = min(switches)
+        return [], f"no compliance: it acts from {first:g} rad on and the path ends at {end:g}"
+    count = math.ceil((end - min(switches)) / STEP_RAD - 1e-9)
+    grid = {round(min(switches) + i * STEP_RAD, 12) for i in range(count)}
+    return sorted(grid | {end} | {s for s in switches if s <= end}), ""
+
+
+def judge(elements: LoopElements, sweep: Sweep, at: Environment, axis: AxisName) -> Row:
+    """Judge one bending angle by the least stable way in which the arms can move."""
+    acting = elements.acting(axis, at.alpha_rad)
+    loops = {
+        way: SampledLoop(elements, k, acting, at.inertia, at.arms[way], at.alpha_rad)
+        for way, k in at.loops.items()
+    }
+    modes: dict[ModeName, Mode] = {way: loop.mode() for way, loop in loops.items()}
+    way = max(modes, key=lambda name: modes[name].spectral_radius)
+    mode, stiffness, rigid = modes[way], np.diag(at.loops[way]), np.diag(at.rigid_loops[way])
+    found = loop_margins(loops[way], sweep, stable=mode.stable)
+    axes = tuple(name for name, acts in zip(SINGLE_AXES, acting, strict=True) if acts)
+    each = {name: float(stiffness[SINGLE_AXES.index(name)]) for name in axes}
+    plain = elements.plain(at.alpha_rad)
+    delayed = [
+        delayed_loop(plain, name, k, max(mode.frequency_hz, 0.1)).margins().gain
+        for name, k in each.items()
+    ]
+    # An axis that feels nothing of the sheet has nothing to be softened.
+    softening = 1.0 - np.divide(stiffness, rigid, out=np.ones_like(rigid), where=rigid != 0.0)
+    return Row(
+        alpha_rad=at.alpha_rad,
+        moving=way,
+        axes=axes,
+        at_rest=at.settled,
+        stiffness_x_n_per_m=float(stiffness[0]),
+        stiffness_rotation_nm_per_rad=float(stiffness[1]),
+        inertia_x_kg=float(at.inertia[0, 0]),
+        inertia_rotation_kg_m2=float(at.inertia[1, 1]),
+        softening_x=float(softening[0]),
+        softening_rotation=float(softening[1]),
+        stable=mode.stable,
+        spectral_radius=mode.spectral_radius,
+        growth_per_s=mode.growth_per_s,
+        frequency_hz=mode.frequency_hz,
+        damping_ratio=mode.damping_ratio,
+        gain_margin=found.gain,
+        gain_margin_db=found.gain_db,
+        phase_margin_deg=math.degrees(found.phase_rad),
+        delay_margin_s=found.delay_s,
+        crossover_hz=found.crossover_hz,
+        paper_stable=all(paper_loop(plain, name, k).routh_stable for name, k in each.items()),
+        delayed_stable=min(delayed) > 1.0,
+        delayed_gain_margin=min(delayed),
+    )
+
+
+def unstable_ranges(
+    alphas_rad: Sequence[float], growth_per_s: Sequence[float]
+) -> tuple[tuple[float, float], ...]:
+    """Return where the growth rate is not negative, with the ends interpolated linearly."""
+    points = [(alphas_rad[0], growth_per_s[0])]
+    for (a, g), (b, h) in pairwise(zip(alphas_rad, growth_per_s, strict=True)):
+        if (g < 0.0) != (h < 0.0):
+            points.append((a + (b - a) * g / (g - h), 0.0))
+        points.append((b, h))
+    ranges: list[tuple[float, float]] = []
+    begin: float | None = None
+    last = alphas_rad[0]
+    for alpha, growth in points:
+        if growth >= 0.0 and begin is None:
+            begin = alpha
+        elif growth < 0.0 and begin is not None:
+            ranges.append((begin, last))
+            begin = None
+        last = alpha
+    if begin is not None:
+        ranges.append((begin, last))
+    return tuple(ranges)

@@ -1,0 +1,92 @@
+"""Discrete linear systems as blocks: in series, side by side, and from a transfer function."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from dualbend.control.clock import TransferFunction
+from dualbend.types import Vector
+
+ComplexVector = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Blocks:
+    """A discrete system x⁺ = A x + B u, y = C x + D u."""
+
+    a: Vector
+    b: Vector
+    c: Vector
+    d: Vector
+
+    def then(self, after: Blocks) -> Blocks:
+        """Return this system followed by another one."""
+        n, m = self.a.shape[0], after.a.shape[0]
+        return Blocks(
+            a=np.block([[self.a, np.zeros((n, m))], [after.b @ self.c, after.a]]),
+            b=np.vstack([self.b, after.b @ self.d]),
+            c=np.hstack([after.d @ self.c, after.c]),
+            d=after.d @ self.d,
+        )
+
+    def scaled(self, matrix: Vector) -> Blocks:
+        """Return this system with its output multiplied."""
+        return Blocks(a=self.a, b=self.b, c=matrix @ self.c, d=matrix @ self.d)
+
+    def at(self, z_inverse: ComplexVector) -> ComplexVector:
+        """Return C (z − A)⁻¹ B + D (n, outputs, inputs) where z⁻¹ (n,) is given."""
+        # With A = Q T Qᴴ, T triangular, all frequencies are substituted back at once.
+        triangle, basis = linalg.schur(self.a, output="complex")
+        inward = basis.conj().T @ self.b
+        z = 1.0 / z_inverse
+        states = np.zeros((triangle.shape[0], z.size, self.b.shape[1]), dtype=np.complex128)
+        for i in reversed(range(triangle.shape[0])):
+            above = (triangle[i, i + 1 :, np.newaxis, np.newaxis] * states[i + 1 :]).sum(axis=0)
+            states[i] = (inward[i] + above) / (z - triangle[i, i])[:, np.newaxis]
+        outward = self.c @ basis
+        # Products of this shape are cheaper spelt out than as threaded matrix products.
+        out = [(row[:, np.newaxis, np.newaxis] * states).sum(axis=0) for row in outward]
+        return np.asarray(np.stack(out, axis=1) + self.d)
+
+
+def parallel(parts: Iterable[Blocks]) -> Blocks:
+    """Return systems side by side, each with its own input and output."""
+    items = list(parts)
+    a, b, c, d = (
+        _diagonal([getattr(item, name) for item in items]) for name in ("a", "b", "c", "d")
+    )
+    return Blocks(a=a, b=b, c=c, d=d)
+
+
+def _diagonal(matrices: list[Vector]) -> Vector:
+    """Return matrices, also empty ones, along the diagonal of one."""
+    rows, columns = np.cumsum([(0, 0), *(m.shape for m in matrices)], axis=0).T
+    whole = np.zeros((rows[-1], columns[-1]))
+    for i, matrix in enumerate(matrices):
+        whole[rows[i] : rows[i + 1], columns[i] : columns[i + 1]] = matrix
+    return whole
+
+
+def rational(transfer: TransferFunction, z_inverse: ComplexVector) -> ComplexVector:
+    """Return H where z⁻¹ is given."""
+    numerator, denominator = transfer
+    return np.asarray(
+        np.polyval(numerator[::-1], z_inverse) / np.polyval(denominator[::-1], z_inverse)
+    )
+
+
+def realised(transfer: TransferFunction) -> Blocks:
+    """Return (numerator, denominator) in powers of z⁻¹ as observable canonical form."""
+    numerator, denominator = transfer
+    order = max(numerator.size, denominator.size) - 1
+    n = np.pad(numerator, (0, order + 1 - numerator.size))
+    d = np.pad(denominator, (0, order + 1 - denominator.size))
+    a = np.eye(order, k=1)
+    a[:, :1] = -d[1:, np.newaxis]
+    c = np.eye(1, order)
+    return Blocks(a=a, b=(n - d * n[0])[1:, np.newaxis], c=c, d=n[:1, np.newaxis])

@@ -1,0 +1,1 @@
+"""Studies of many runs: sweep, robustness, onset of oscillation, the paper's figures."""

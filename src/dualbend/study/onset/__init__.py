@@ -1,0 +1,1 @@
+"""Onset of oscillation: prediction against the full simulation."""

@@ -1,0 +1,178 @@
+"""The full simulation held at one bending angle, and whether a small disturbance grows in it.
+
+The scenario is kept, with both arms, sheet, servos, sensor chain and dry friction. Only the motion
+is replaced: settle a little below the angle, a step to it, hold. The axis looked at is switched on
+and tared during the step, so that the arms rest at the angle itself whatever the gains.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import msgspec
+import mujoco
+import numpy as np
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.compliance.admittance import AdmittanceConfig, AxisConfig
+from dualbend.control.servo import JointServo
+from dualbend.errors import InputError
+from dualbend.scenario.motion import MotionConfig
+from dualbend.scenario.path import PathConfig
+from dualbend.scenario.scenario import Scenario
+from dualbend.task.bending.run import BendingRun
+from dualbend.types import SIDES, Vector
+
+SingleAxis = Literal["x", "rotation"]
+
+_STEP_RAD, _STEP_PART = 0.02, 0.01
+"""The disturbance: small for the sheet, large for what dry friction does about standstill."""
+
+SETTLE_S, HOLD_S, WINDOW_S = 1.0, 6.0, 0.7
+_TRANSIENT_S = 0.5
+_AT_BOUND = 0.5
+"""An oscillation of this part of the bound, rms, is held by it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Oscillation:
+    """What became of the disturbance.
+
+    ``grows``; ``growth_per_s``: of its effective value while it is neither cut off by the bound
+    nor lost in what stays; ``frequency_hz``: over the second half; ``final``: rms of the deviation
+    in the last 0.7 s [m] or [rad], infinite where the run did not end as planned.
+    """
+
+    grows: bool
+    growth_per_s: float
+    frequency_hz: float
+    final: float
+
+
+def disturbance(axis: SingleAxis, alpha_rad: float) -> float:
+    """Return the step of the bending angle [rad]: along x a flat sheet is linear for less."""
+    return _STEP_RAD if axis == "rotation" else _STEP_PART * alpha_rad
+
+
+def held(
+    scenario: Scenario,
+    axis: SingleAxis,
+    alpha_rad: float,
+    gains: tuple[float, float],
+    part: float = 1.0,
+) -> Scenario:
+    """Return the scenario held at a bending angle with one axis at b and k [its own units].
+
+    ``part`` of the usual disturbance, to have more room for growth.
+
+    Raises InputError for gains that are not positive, an angle without room for the step and an
+    axis that the scenario does not have.
+    """
+    b, k = gains
+    for name, value in (("b", b), ("k", k)):
+        if not 0.0 < value < math.inf:
+            raise InputError(f"compliance.{axis}.{name} = {value!r}: must be positive and finite")
+    step = part * disturbance(axis, alpha_rad)
+    if not alpha_rad > 2.0 * step:
+        raise InputError(f"angle {alpha_rad!r}: must be above {2.0 * step} rad")
+    given = scenario.compliance.x if axis == "x" else scenario.compliance.rotation
+    if given is None:
+        raise InputError(f"compliance.{axis} is off: nothing to confront")
+    moved: AxisConfig = msgspec.structs.replace(
+        given, b=b, k=k, from_alpha_rad=alpha_rad - step / 2.0
+    )
+    compliance: AdmittanceConfig = msgspec.structs.replace(
+        scenario.compliance,
+        x=moved if axis == "x" else None,
+        rotation=moved if axis == "rotation" else None,
+        tare=True,
+    )
+    try:
+        path = PathConfig(kind="exact", start_rad=alpha_rad - step, end_rad=alpha_rad)
+    except ValueError as error:
+        raise InputError(f"angle {alpha_rad!r}: {error}") from error
+    return msgspec.structs.replace(
+        scenario,
+        path=path,
+        # One cycle for the step: the robot's own response makes it smooth.
+        motion=MotionConfig(
+            speed_rad_per_s=step / COMMAND_PERIOD_S, settle_s=SETTLE_S, hold_s=HOLD_S
+        ),
+        compliance=compliance,
+        sensor=msgspec.structs.replace(
+            scenario.sensor,
+            force_noise_n=0.0,
+            torque_noise_nm=0.0,
+            force_resolution_n=0.0,
+            torque_resolution_nm=0.0,
+        ),
+    )
+
+
+def oscillate(scenario: Scenario, axis: SingleAxis, *, friction: bool = True) -> Oscillation:
+    """Run a held scenario and say whether the disturbance grows; ``friction``: of the joints."""
+    ready = BendingRun(scenario)
+    if not friction:
+        without_friction(ready)
+    trace = ready.run().trace
+    name = "x" if axis == "x" else "alpha"
+    side = next(side for side in SIDES if side in scenario.arms.complying)
+    limit = scenario.compliance.limit_x_m if axis == "x" else scenario.compliance.limit_rotation_rad
+    first = math.ceil((SETTLE_S + _TRANSIENT_S) / COMMAND_PERIOD_S)
+    cycles = ready.motion.cycles
+    deviation = trace[f"{side}_deviation_{name}"][first:]
+    return judge(deviation[np.isfinite(deviation)], cycles - first, limit)
+
+
+def judge(deviation: Vector, planned: int, limit: float) -> Oscillation:
+    """Judge a deviation (n,) [m] or [rad], sampled every 28 ms, of ``planned`` samples at most."""
+    window = round(WINDOW_S / COMMAND_PERIOD_S)
+    if deviation.size < planned or deviation.size < 4 * window:
+        return Oscillation(grows=True, growth_per_s=math.inf, frequency_hz=math.nan, final=math.inf)
+    parts = np.lib.stride_tricks.sliding_window_view(deviation, window)
+    size = parts.std(axis=1)
+    first, final = float(size[0]), float(size[-1])
+    cap = _AT_BOUND * limit
+    # Friction and bound make an oscillation wax and wane: what counts is whether it comes back.
+    later = float(size[size.size // 2 :].max())
+    grows = later > min(first, cap)
+    # What the bound holds, and what comes near the remainder that friction keeps, tells no rate.
+    telling = size < cap if grows else size > min(3.0 * final, math.sqrt(first * final))
+    stop = int(np.argmin(telling)) if not telling.all() else size.size
+    times = COMMAND_PERIOD_S * np.arange(stop)
+    rate = float(np.polyfit(times, np.log(size[:stop]), 1)[0]) if stop >= window else math.nan
+    return Oscillation(
+        grows=grows,
+        growth_per_s=rate,
+        frequency_hz=dominant_frequency(deviation[deviation.size // 2 :]),
+        final=final,
+    )
+
+
+def dominant_frequency(signal: Vector) -> float:
+    """Return the frequency [Hz] of the largest line: a parabola through a padded spectrum."""
+    padded = 16 * signal.size
+    spectrum = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(signal.size), padded))
+    peak = int(np.clip(np.argmax(spectrum), 1, spectrum.size - 2))
+    below, top, above = np.log(np.maximum(spectrum[peak - 1 : peak + 2], 1e-300))
+    bend = below - 2.0 * top + above
+    shift = 0.5 * (below - above) / bend if bend else 0.0
+    return float((peak + shift) / (padded * COMMAND_PERIOD_S))
+
+
+def without_friction(ready: BendingRun) -> None:
+    """Take the dry friction of the arms' joints, and what the servos feed forward for it, away."""
+    model, servo = ready.cell.simulation.model, ready.cell.servo
+    for joint in ready.cell.simulation.joints:
+        model.dof_frictionloss[model.joint(joint).dofadr] = 0.0
+    nothing = np.zeros_like(servo.stiffness)
+    robots: mujoco.MjModel = ready.cell.ik.model
+    ready.cell.servo = JointServo(
+        stiffness=servo.stiffness,
+        inertia=servo.setpoint(nothing, nothing, nothing + 1.0) * servo.stiffness,
+        viscous_friction=robots.dof_damping.copy().ravel(),
+        coulomb_friction=nothing,
+        damping_ratio=ready.scenario.servo.damping_ratio,
+    )

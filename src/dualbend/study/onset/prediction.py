@@ -1,0 +1,121 @@
+"""What the three analyses say of a ray in (b, k): at which b the held loop begins to oscillate.
+
+On a ray k/b is constant, and with it the filter's pole; b is then nothing but the inverse of the
+loop's gain, so that a gain margin m at b puts the onset at b/m, exactly, in all three.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dualbend.control.compliance.admittance import Admittance
+from dualbend.scenario.scenario import Scenario
+from dualbend.stability.continuous import delayed_loop, largest_stiffness
+from dualbend.stability.margins import FREQUENCIES_HZ, Z_INVERSE, margins
+from dualbend.stability.mode import Mode
+from dualbend.stability.plant.coupling import ModeName
+from dualbend.stability.plant.environment import Environment, environments
+from dualbend.stability.sampled import LoopElements, SampledLoop
+from dualbend.study.onset.held import SingleAxis, held
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayPrediction:
+    """b below which each analysis calls the loop unstable [the axis's own units], and more.
+
+    ``paper`` (23), ``delayed`` continuous with delay, ``sampled``; ``frequency_hz`` of the sampled
+    loop at its onset.
+    """
+
+    paper: float
+    delayed: float
+    sampled: float
+    frequency_hz: float
+
+
+class RayLoop:
+    """One axis held at one bending angle, for gains on a ray k = ``ratio_per_s`` b.
+
+    Of two arms that each follow their own sensor it is the loop in which they move alike: the
+    disturbance is the same for both.
+
+    Raises InputError as :func:`dualbend.study.onset.held.held` and the prediction do.
+    """
+
+    def __init__(
+        self, scenario: Scenario, axis: SingleAxis, alpha_rad: float, ratio_per_s: float
+    ) -> None:
+        given = scenario.compliance.x if axis == "x" else scenario.compliance.rotation
+        self._scenario, self._axis, self._alpha, self._ratio = (
+            scenario,
+            axis,
+            alpha_rad,
+            ratio_per_s,
+        )
+        self.b = given.b if given is not None else 1.0
+        # Tared, so that the state does not depend on the gains.
+        (self.environment,) = environments(self.held(self.b), [alpha_rad])
+        self._elements = LoopElements.from_scenario(self.held(self.b))
+
+    def on(self, ratio_per_s: float) -> RayLoop:
+        """Return the same loop on another ray, without solving for the sheet again."""
+        other = copy(self)
+        other._ratio = ratio_per_s
+        return other
+
+    def held(self, b: float, part: float = 1.0) -> Scenario:
+        """Return the scenario of the simulation with this b and part of the disturbance."""
+        return held(self._scenario, self._axis, self._alpha, (b, self._ratio * b), part)
+
+    def mode(self, b: float) -> Mode:
+        """Return the dominant mode of the sampled loop at this b."""
+        return max(
+            (loop.mode() for loop in self._loops(b).values()),
+            key=lambda mode: mode.spectral_radius,
+        )
+
+    def predict(self) -> RayPrediction:
+        """Return what the analyses say of the ray."""
+        at, b = self.environment, self.b
+        elements = self._with(b)
+        loops = self._loops(b)
+        margin = {
+            way: margins(FREQUENCIES_HZ, loop.open_loop(Z_INVERSE)[:, :, 0], stable=True).gain
+            for way, loop in loops.items()
+        }
+        way = min(margin, key=lambda name: margin[name])
+        sampled = b / margin[way]
+        frequency = self.mode(sampled).frequency_hz
+        stiffness = _felt(at, way, self._axis)
+        delayed = delayed_loop(elements, self._axis, stiffness, max(frequency, 0.1)).margins().gain
+        damping, spring = elements.damping_and_stiffness(self._axis)
+        response = elements.response.config
+        omega = 2.0 * np.pi * response.natural_frequency_hz
+        allowed = largest_stiffness(
+            np.array(damping), np.array(spring), omega, 2.0 * response.damping_ratio * omega
+        )
+        return RayPrediction(
+            paper=b * stiffness / float(allowed),
+            delayed=b / delayed,
+            sampled=sampled,
+            frequency_hz=frequency,
+        )
+
+    def _with(self, b: float) -> LoopElements:
+        return replace(self._elements, admittance=Admittance(self.held(b).compliance))
+
+    def _loops(self, b: float) -> dict[ModeName, SampledLoop]:
+        elements, at = self._with(b), self.environment
+        acting = (self._axis == "x", self._axis == "rotation")
+        return {
+            way: SampledLoop(elements, stiffness, acting, at.inertia, at.arms[way])
+            for way, stiffness in at.loops.items()
+            if way != "opposed"
+        }
+
+
+def _felt(at: Environment, way: ModeName, axis: SingleAxis) -> float:
+    return float(at.loops[way][(0, 0) if axis == "x" else (1, 1)])

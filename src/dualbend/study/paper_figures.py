@@ -1,0 +1,143 @@
+"""The paper's Figs. 6, 8 and 9 from nothing: run, draw in its layout, put on one page."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dualbend.errors import InputError
+from dualbend.evaluation.metrics import summary
+from dualbend.report.bending import knots_of
+from dualbend.report.data import Line, nominal_lines
+from dualbend.report.page import PAPER_FIGURES, write_report
+from dualbend.run import output
+from dualbend.run.make import make_run
+from dualbend.run.saved import SavedRun, load_run
+from dualbend.scenario.load import load_scenario
+
+PROCESSES = 2
+FORMATS = ("png", "svg")
+
+_LOOKS = {
+    "raw": ("0.75", 0.7, "solid"),
+    "filtered": ("tab:orange", 0.9, "solid"),
+    "true": ("tab:blue", 1.8, "solid"),
+    "oracle, nominal": ("tab:green", 1.2, "dashed"),
+}
+
+
+def make_figures(
+    out: Path,
+    settings: Sequence[str] = (),
+    on_done: Callable[[SavedRun], None] = lambda _: None,
+) -> list[SavedRun]:
+    """Run the three scenarios into ``out`` and write pictures and page; return the runs.
+
+    ``settings``: what is set otherwise in all three, as ``--set`` has it.
+
+    ``out`` gets a folder for each run, ``fig6``, ``fig8``, ``fig9`` and ``figures`` as PNG and
+    SVG, and ``report.html``. ``on_done`` is called with each run as it is done.
+
+    Raises
+    ------
+    InputError
+        ``out`` cannot be written to, or a process died.
+    """
+    folders = {name: out / name for name in PAPER_FIGURES}
+    for folder in folders.values():
+        output.prepare_folder(folder)
+    for name in folders:
+        load_scenario(name, settings)
+    _run_all(folders, settings, on_done)
+    runs = [load_run(folder) for folder in folders.values()]
+    try:
+        write_pictures(runs, out)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot be written: {error.strerror or error}") from error
+    write_report(list(folders.values()), out / "report.html")
+    return runs
+
+
+def _run_all(
+    folders: dict[str, Path], settings: Sequence[str], on_done: Callable[[SavedRun], None]
+) -> None:
+    context = multiprocessing.get_context("spawn")
+    try:
+        with ProcessPoolExecutor(min(PROCESSES, len(folders)), mp_context=context) as pool:
+            futures = {
+                pool.submit(_run, name, tuple(settings), folder): folder
+                for name, folder in folders.items()
+            }
+            for future in as_completed(futures):
+                future.result()
+                on_done(load_run(futures[future]))
+    except BrokenProcessPool as error:
+        raise InputError(f"a process was ended from outside ({error}); run it again") from error
+
+
+def _run(name: str, settings: Sequence[str], folder: Path) -> None:
+    """Run a scenario and leave what a report is made from."""
+    result = make_run(load_scenario(name, settings)).run()
+    try:
+        (folder / "trace.arrow").unlink(missing_ok=True)  # of an earlier run that was killed
+        output.write_scenario(result, folder / "scenario.toml")
+        output.write_trace(result, folder / "trace.parquet")
+        output.write_summary(summary(result), folder / "summary.json")
+    except OSError as error:
+        raise InputError(f"--out {folder}: {error.strerror or error}") from error
+
+
+def write_pictures(runs: Sequence[SavedRun], out: Path) -> None:
+    """Write each run's figure and all beside each other, on one scale, as PNG and SVG.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written.
+    """
+    mpl.rcParams["svg.hashsalt"] = "dualbend"  # the same file from the same run
+    lines = [nominal_lines(run) for run in runs]
+    for run, of_run in zip(runs, lines, strict=True):
+        figure = Figure(figsize=(5.6, 3.8), layout="constrained")
+        axes = figure.add_subplot()
+        _draw(axes, run, of_run)
+        axes.set_ylabel("moment at the gripper [mN m]")
+        axes.legend(frameon=False, fontsize="small")
+        _save(figure, out / run.scenario.name)
+    figure = Figure(figsize=(12.0, 4.0), layout="constrained")
+    panels = figure.subplots(1, len(runs), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, run, of_run in zip(panels, runs, lines, strict=True):
+        _draw(axes, run, of_run)
+    panels[0].set_ylabel("moment at the gripper [mN m]")
+    panels[0].legend(frameon=False, fontsize="small", loc="lower right")
+    _save(figure, out / "figures")
+
+
+def _draw(axes: Axes, run: SavedRun, lines: Sequence[Line]) -> None:
+    for line in lines:
+        colour, width, style = _LOOKS[line.name]
+        axes.plot(line.x, line.y, color=colour, linewidth=width, linestyle=style, label=line.name)
+    for knot in knots_of(run):
+        axes.axvline(knot, color="0.88", linewidth=0.8, zorder=0)
+    axes.axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
+    axes.set_xlabel("bending angle α, nominal [rad]")
+    paper = PAPER_FIGURES.get(run.scenario.name)
+    axes.set_title(f"{paper}: {run.scenario.name}" if paper else run.scenario.name, loc="left")
+    axes.margins(x=0.01)
+
+
+def _save(figure: Figure, stem: Path) -> None:
+    for kind in FORMATS:
+        # No date: the same run leaves the same bytes.
+        metadata = {"Date": None} if kind == "svg" else None
+        figure.savefig(stem.with_name(f"{stem.name}.{kind}"), dpi=120, metadata=metadata)

@@ -1,0 +1,1 @@
+"""Assemblies of many sheets that differ: a Monte Carlo study."""

@@ -1,0 +1,1 @@
+"""A scenario over many values of its keys."""

@@ -1,0 +1,249 @@
+"""The sweep file: which scenario, which of its keys vary, and how; typed and strict.
+
+Every error is an :class:`~dualbend.errors.InputError` with the file, the key, the value and what
+would be right.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import tomli_w
+
+from dualbend.errors import InputError
+from dualbend.scenario.explain import UNSET, explain, refuse_absurd, refuse_unknown
+from dualbend.scenario.keys import Key
+from dualbend.scenario.load import read_scenario, resolve_scenario
+from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.toml_text import toml
+from dualbend.study.sweep.keys import (
+    Normal,
+    Range,
+    Spec,
+    Uniform,
+    Values,
+    is_spec,
+    known_keys,
+    make_spec,
+)
+
+SWEEP, SCENARIO = "sweep.toml", "scenario.toml"
+"""Files that a sweep leaves in its folder: the same sweep, complete."""
+
+_DRAWN = ("random", "sobol")
+
+
+class SampleConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the keys' values are put together to runs.
+
+    ``noise``: "same" noise of the sensors in every run, or of a seed of its own in "each".
+    ``sensitivity``: the sample from which Sobol's indices are computed, n (d + 2) runs for d keys.
+    """
+
+    kind: Literal["grid", "list", "random", "sobol"]
+    n: Annotated[int, msgspec.Meta(ge=1, le=100_000)] | None = None
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 1
+    noise: Literal["same", "each"] = "same"
+    sensitivity: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what the kind has no use for, or lacks."""
+        if (self.n is None) == (self.kind in _DRAWN):
+            has = "needs n" if self.n is None else "has as many runs as its keys say, not n"
+            raise ValueError(f'kind = "{self.kind}" {has}')
+        if self.kind == "sobol" and self.n is not None and self.n & (self.n - 1):
+            below = 1 << (self.n.bit_length() - 1)
+            raise ValueError(
+                f"n = {self.n} is no power of two, as Sobol's sequence needs: "
+                f"{below} or {2 * below}"
+            )
+        if self.sensitivity and self.kind != "sobol":
+            raise ValueError(f'sensitivity needs kind = "sobol", not "{self.kind}"')
+
+
+class SweepConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The file as it is written; ``metrics`` are those that table and pictures show."""
+
+    scenario: Annotated[str, msgspec.Meta(min_length=1)]
+    name: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][\w.+-]*\Z", max_length=100)] | None = (
+        None
+    )
+    description: str = ""
+    metrics: tuple[str, ...] = ()
+    settings: dict[str, Any] = msgspec.field(default={}, name="set")
+    sample: SampleConfig
+    keys: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """A sweep: everything that can be refused before a run has been when this exists.
+
+    ``tables``: the scenario as it was written; ``settings``: as ``--set`` takes them.
+    """
+
+    name: str
+    source: str
+    config: SweepConfig
+    tables: Mapping[str, Any]
+    settings: tuple[str, ...]
+    keys: Mapping[str, Spec]
+
+    @property
+    def sample(self) -> SampleConfig:
+        """How the runs are put together."""
+        return self.config.sample
+
+    def resolve(self, settings: tuple[str, ...] = (), seed: int | None = None) -> Scenario:
+        """Return the scenario with the fixed and these settings; InputError as of ``--set``."""
+        # Named as it names itself: the same reason from the sweep's file and from its folder.
+        source = str(self.tables.get("name"))
+        return resolve_scenario(self.tables, source, self.settings + settings, seed)
+
+    def to_toml(self, *, all_of_it: bool = True) -> str:
+        """Return the file that, beside :meth:`scenario_toml`, is this sweep.
+
+        Without ``all_of_it`` only what the runs depend on.
+        """
+        said: dict[str, Any] = {"scenario": SCENARIO}
+        if all_of_it:
+            said |= {"name": self.name, "description": self.config.description}
+            said["metrics"] = list(self.config.metrics)
+        sample = msgspec.to_builtins(self.sample)
+        said["set"] = self.config.settings
+        said["sample"] = {key: value for key, value in sample.items() if value is not None}
+        said["keys"] = {
+            name: {k: v for k, v in msgspec.to_builtins(spec).items() if v is not None}
+            for name, spec in self.keys.items()
+        }
+        return tomli_w.dumps(said)
+
+    def scenario_toml(self) -> str:
+        """Return the scenario as it was written, with those that it extends."""
+        return tomli_w.dumps(self.tables)
+
+
+def load_sweep(path: Path) -> Sweep:
+    """Load a sweep's file, or the one that a sweep left in its folder."""
+    file = path / SWEEP if path.is_dir() else path
+    data = _read(file)
+    source = file.name
+    refuse_absurd(data, source, ())
+    refuse_unknown(data, SweepConfig, source, ())
+    try:
+        config = msgspec.convert(data, SweepConfig)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{source}: {explain(data, str(error), SweepConfig)}") from error
+    keys = {name: make_spec(table, source, name) for name, table in _flat(config.keys)}
+    sweep = Sweep(
+        name=config.name or path.stem,
+        source=source,
+        config=config,
+        tables=_scenario_tables(config.scenario, file),
+        settings=tuple(f"{key}={toml(value)}" for key, value in config.settings.items()),
+        keys=keys,
+    )
+    try:
+        sweep.resolve()
+    except InputError as error:
+        raise InputError(f"{source}: [set]: {error}") from error
+    _check_keys(sweep)
+    return sweep
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{file}: no sweep's file: {error}") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{file.name}: no valid TOML: {error}") from error
+
+
+def _scenario_tables(scenario: str, file: Path) -> dict[str, Any]:
+    """Return the scenario's tables; a file is looked for beside the sweep's."""
+    try:
+        named = str(file.parent / scenario) if scenario.endswith(".toml") else scenario
+        return read_scenario(named)
+    except (InputError, ValueError) as error:
+        raise InputError(f"{file.name}: scenario = {scenario!r}: {error}") from error
+
+
+def _flat(keys: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
+    """Yield each key by its dotted name, also where TOML made tables of the dots."""
+    for name, table in keys.items():
+        where = (*path, name)
+        if isinstance(table, dict) and not is_spec(table):
+            yield from _flat(table, where)
+        else:
+            yield ".".join(where), table
+
+
+def _check_keys(sweep: Sweep) -> None:
+    if not sweep.keys:
+        raise InputError(f"{sweep.source}: [keys] is empty: it needs a key that varies")
+    fixed = [name for name, _ in _leaves(sweep.config.settings)]
+    for name in sweep.keys:
+        for other in (*fixed, *sweep.keys):
+            same = other == name and other in fixed
+            if same or other.startswith(f"{name}.") or name.startswith(f"{other}."):
+                raise InputError(
+                    f"{sweep.source}: keys.{name}: {other} is given as well; only one can hold"
+                )
+        _check_key(sweep, name)
+
+
+def _leaves(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
+    for name, value in table.items():
+        if isinstance(value, dict) and value:
+            yield from _leaves(value, (*path, name))
+        else:
+            yield ".".join((*path, name)), value
+
+
+def _check_key(sweep: Sweep, name: str) -> None:
+    """Refuse a key that no scenario has, and values that are of another kind than it."""
+    spec, where = sweep.keys[name], f"{sweep.source}: keys.{name}"
+    if sweep.sample.kind in ("grid", "list") and not isinstance(spec, Values | Range):
+        raise InputError(
+            f"{where}: a distribution is for sample.kind = "
+            f'"random" or "sobol", not "{sweep.sample.kind}"'
+        )
+    known = known_keys()
+    if name not in known:
+        close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        hint = f"did you mean {' or '.join(close)}? " if close else ""
+        raise InputError(f"{where}: no key of a scenario; {hint}docs/reference.md has them all")
+    found = known[name]
+    if found is None:  # a section
+        if not isinstance(spec, Values):
+            raise InputError(f"{where}: is a section, not a number: give values")
+        return
+    key, kind = found
+    if isinstance(spec, Uniform | Normal | Range) and "number" not in key.kind.split()[-1:]:
+        raise InputError(f"{where}: is {key.kind}, not a number: give values")
+    if isinstance(spec, Uniform | Normal) and key.kind == "whole number":
+        raise InputError(f"{where}: is a whole number: give values, or min, max, steps")
+    if isinstance(spec, Range) and key.kind == "whole number":
+        broken = [value for value in spec.levels() if not value.is_integer()]
+        if broken:
+            raise InputError(f"{where}: is a whole number, and the range has {broken[0]}")
+    for value in spec.values if isinstance(spec, Values) else ():
+        _check_value(where, value, key, kind)
+
+
+def _check_value(where: str, value: object, key: Key, kind: Any) -> None:  # noqa: ANN401 - a type
+    if value == UNSET and key.default is None:
+        return
+    try:
+        msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        # Out of its bounds, a value may be refused together with others: that is a run's reason.
+        if ", got `" in str(error) or "Invalid enum" in str(error):
+            raise InputError(f"{where}: {value!r} in values: must be {key.kind}") from error

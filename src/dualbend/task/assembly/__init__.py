@@ -1,0 +1,1 @@
+"""Assembly of sheets on alignment pins."""

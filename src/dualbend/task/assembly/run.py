@@ -1,0 +1,358 @@
+"""The assembly's loop: the robots' program is asked every cycle what it wants, and told what is."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.compliance.object import (
+    ObjectAdmittance,
+    ObjectComplianceConfig,
+    critical_rate,
+)
+from dualbend.control.controller import ComplianceController
+from dualbend.control.delay import TransportDelay
+from dualbend.control.filters import LowPass
+from dualbend.control.reading import Reading, net_wrench, vertical_force
+from dualbend.errors import InputError
+from dualbend.planning.plan import AssemblyPlan, plan_assembly
+from dualbend.run.arm_load import refuse_overload
+from dualbend.run.arms import shown_placements, with_placements
+from dualbend.run.cell import RobotCell
+from dualbend.run.loop import Cycle, Run
+from dualbend.run.outcome import TaskStopped
+from dualbend.scenario.assembly import ErrorsConfig
+from dualbend.scenario.path import make_path
+from dualbend.scenario.scenario import Scenario
+from dualbend.scene.bed.config import HOLES
+from dualbend.scene.bed.pin_contacts import PinContacts
+from dualbend.scene.grippers import Grippers
+from dualbend.scene.ik import Targets, carried_targets
+from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
+from dualbend.scene.warnings import SimulationFailed
+from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
+from dualbend.task.assembly.program import AssemblyTask
+from dualbend.task.assembly.stiffness import object_stiffness
+from dualbend.task.assembly.workplace import check_workplace
+from dualbend.types import SIDES, Side, Vector
+
+LONGEST_S = 180.0
+"""A sheet is laid within this, or the run is given up."""
+
+BENDS = np.linspace(0.0, 1.0, 6)
+"""Bending angles, over that at which the sheet is laid, where its stiffness is computed."""
+
+_PLACE = (("x", "m"), ("y", "m"), ("z", "m"), ("yaw", "rad"))
+
+TASK_COLUMNS: tuple[tuple[str, str], ...] = (
+    ("sheet", "1"),
+    ("attempt", "1"),
+    *((f"place_{name}", unit) for name, unit in _PLACE),
+    *((f"object_deviation_{name}", unit) for name, unit in _PLACE if name != "z"),
+    *((f"net_force_{name}", "N") for name in "xyz"),
+    ("net_moment_z", "N m"),
+    *((f"{side}_gap", "m") for side in SIDES),
+    *((f"pin_force_{hole}", "N") for hole in HOLES),
+    *((f"edge_force_{hole}", "N") for hole in HOLES),
+    *((f"hole_{hole}_{axis}", "m") for hole in HOLES for axis in "xyz"),
+)
+
+
+def assembly_plan(scenario: Scenario) -> AssemblyPlan:
+    """Return the plan of a scenario's assembly.
+
+    Raises
+    ------
+    InputError
+        There is no assembly in it, no robot could work at its workplace or feel what it does, or
+        the holes do not go over the pins at the bending angle.
+    """
+    config, sheet = scenario.assembly, scenario.sheet.sheet()
+    source = f"scenario {scenario.name!r}"
+    if config is None:
+        raise InputError(f"{source}: no section [assembly]: there is nothing to plan")
+    if config.compliance is not None and len(scenario.arms.sensing) < len(SIDES):
+        raise InputError(
+            f"{source}: arms.sensing = {list(scenario.arms.sensing)}: "
+            f"assembly.compliance needs the net force of both arms, {list(SIDES)}"
+        )
+    strain = scenario.limit_strain
+    try:
+        check_workplace(config, sheet)
+        plan = plan_assembly(sheet, config.layout.holes, config.layout.pins, yield_strain=strain)
+    except InputError as error:
+        # The planner speaks of holes and pins; here they have their full names.
+        text = re.sub(r"(?<!layout\.)\b(holes|pins)\.", r"assembly.layout.\1.", str(error))
+        raise InputError(f"{source}: {text}") from error
+    low, high = plan.range.clear_rad, plan.range.highest_rad
+    if not low <= scenario.path.end_rad <= high:
+        raise InputError(
+            f"{source}: path.end_rad = {scenario.path.end_rad:g}: the holes go over the pins "
+            f"between {low:.3f} and {high:.3f} rad, best at {plan.bend_rad:.3f} rad"
+        )
+    return plan
+
+
+class AssemblyRun(Run):
+    """Two arms lay sheets on the pins.
+
+    Raises
+    ------
+    InputError
+        A posture is out of reach, or the sheet's holes do not fit the pins at any bending angle.
+    """
+
+    phases = PHASES
+    task_columns = TASK_COLUMNS
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.plan = assembly_plan(scenario)
+        self.scenario = scenario
+        assert scenario.assembly is not None
+        self.config, sheet = scenario.assembly, scenario.sheet.sheet()
+        self._path = make_path(scenario.path, sheet.length_m)
+        self._believed = sheet
+        limit = scenario.limit_strain
+        assert limit is not None  # an assembly has one
+        task = self._make_task()
+        scenario = self.scenario = with_placements(scenario, self._targets(task))
+        try:
+            cell = RobotCell(scenario, self._pose(task.start), _place(task.start))
+        except InputError as error:
+            raise self._out_of_reach("approach", error) from error
+        super().__init__(scenario, cell)
+        self._limit_strain = limit * sheet.young_pa / cell.sheet.young_pa
+        self._foresee(task)
+        simulation, layout = cell.simulation, self.config.true_layout()
+        self.grippers = Grippers(simulation.model, simulation.data, cell.sheet.thickness_m)
+        self.pins = PinContacts(
+            simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
+        )
+        simulation.watch = self
+        if self.config.compliance is not None:
+            self.stiffness = self._stiffness(cell)
+            self._mobility = self._rate(self.config.compliance) / self.stiffness
+
+    def _make_task(self) -> AssemblyTask:
+        """Return the robots' program, anew: it has a memory."""
+        return AssemblyTask(
+            config=self.config,
+            sheet=self._believed,
+            path=self._path,
+            touch_rad=self.plan.unfolding.reach_rad,
+            bend_speed_rad_per_s=self.scenario.motion.speed_rad_per_s,
+        )
+
+    def _pose(self, posture: Posture) -> Vector:
+        half, rise = self._path.at(posture.alpha)
+        return np.array([-half - posture.retreat, rise, posture.alpha])
+
+    def _targets(self, task: AssemblyTask) -> dict[Side, Vector]:
+        """Return both grips' poses (k, 4, 4) along the task, each in its arm's bending frame."""
+        postures = [posture for _, posture in task.waypoints()]
+        targets = [
+            carried_targets(np.array([self._pose(posture)] * 2), _place(posture))
+            for posture in (task.start, *postures)
+        ]
+        turn = np.diag([-1.0, -1.0, 1.0, 1.0])
+        return {
+            "left": np.array([left.as_matrix() for left, _ in targets]),
+            "right": np.array([turn @ right.as_matrix() for _, right in targets]),
+        }
+
+    def _foresee(self, task: AssemblyTask) -> None:
+        """Refuse postures that the arms cannot reach."""
+        q, visited = self.cell.home, []
+        for phase, posture in task.waypoints():
+            try:
+                q = self.cell.reach(self._pose(posture), q, _place(posture))
+            except InputError as error:
+                raise self._out_of_reach(phase, error) from error
+            visited.append(q)
+            if phase == "lower":
+                self._down, self._down_q = posture, q
+        self.foreseen = np.array(visited)
+        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, self.foreseen)
+
+    def _out_of_reach(self, phase: str, error: InputError) -> InputError:
+        layout = self.config.layout
+        return InputError(
+            f"scenario {self.scenario.name!r}: {phase}: {error}; look at "
+            f"assembly.layout.stand.y_m = {layout.stand.y_m:g}, "
+            f"assembly.layout.stand.top_m = {layout.stand.top_m:g}, "
+            f"assembly.layout.bed.top_m = {layout.bed.top_m:g}, "
+            f"{shown_placements(self.scenario)}"
+        )
+
+    @property
+    def cycles(self) -> int:
+        """Number of command cycles, at most."""
+        return round(self.config.sheets * LONGEST_S / COMMAND_PERIOD_S)
+
+    def look(self) -> None:
+        """Look at pins and jaws after every physics step."""
+        self.pins.look()
+        self.grippers.look()
+
+    def start(self) -> SensorSample:
+        """Put the arms beside the stand, jaws open, and a sheet upon it."""
+        cell = self.cell
+        cell.response.reset(cell.home)
+        flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
+        sample = cell.simulation.reset(
+            cell.home, self.config.jaw_opening_m, flat, *self._on_the_stand()
+        )
+        self.grippers.reset(self.config.jaw_opening_m)
+        self.pins.peaks()
+        self.laid = []
+        return sample
+
+    def _on_the_stand(self) -> tuple[Vector, float]:
+        stand, errors = self.config.layout.stand, self.config.errors
+        height = stand.top_m + 0.5 * self.cell.sheet.thickness_m
+        place = np.array([errors.pickup_x_m, stand.y_m + errors.pickup_y_m, height])
+        return place, errors.pickup_yaw_rad
+
+    def _supply(self) -> None:
+        """Leave the laid sheet where it is and put the next one on the stand."""
+        self.pins.lay(len(self.laid) - 1)
+        flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
+        self.cell.simulation.put_sheet(flat, *self._on_the_stand())
+
+    def _rate(self, compliance: ObjectComplianceConfig) -> float:
+        """Return the stiffness over damping [1/s] that gives the loop the margin asked for."""
+        scenario, step_s = self.scenario, self.scenario.physics.step_s
+        elements = [
+            LowPass(scenario.filter).transfer_function(),
+            TransportDelay(scenario.alter.delay_cycles, 1).transfer_function(),
+            self.cell.response.transfer_function(),
+        ]
+        age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
+        return critical_rate(elements, age) / compliance.gain_margin
+
+    def _stiffness(self, cell: RobotCell) -> Vector:
+        """Return what the compliance works against along x, y and about z, at each of `BENDS`.
+
+        Of the sheet that the robots believe in: they know of no errors.
+        """
+        if self.config.errors != ErrorsConfig():
+            assembly = msgspec.structs.replace(self.config, errors=ErrorsConfig())
+            scenario = msgspec.structs.replace(self.scenario, assembly=assembly)
+            cell = RobotCell(scenario, cell.start, cell.place)
+        pinned = self.config.layout.holes.middle.along_m
+        found = []
+        for bend in BENDS:
+            posture = replace(self._down, alpha=bend * self._down.alpha)
+            q = cell.reach(self._pose(posture), self._down_q, _place(posture))
+            found.append(np.diag(object_stiffness(cell, q, posture.alpha, pinned)))
+        return np.array(found)
+
+    def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
+        compliance = self.config.compliance
+        admittance = (
+            None if compliance is None else ObjectAdmittance(compliance, BENDS, self._mobility)
+        )
+        delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
+        task = self._make_task()
+        steps = task.steps()
+        goal = next(steps)
+        while True:
+            if cycle.trace.rows == self.cycles:
+                raise TaskStopped(
+                    f"{PHASES[goal.phase]}: not done within {self.config.sheets * LONGEST_S:g} s"
+                )
+            if task.laid > len(self.laid):
+                self.laid.append(self.pins.offsets())
+                self._supply()
+            x, rise, alpha = self._pose(goal.posture).tolist()
+            place = _place(goal.posture)
+            seen = cycle.observe(goal.phase, np.array([alpha, -x, place[2] + rise]))
+            sample = cycle.sample
+            readings = controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
+            net = net_wrench(readings, -x, alpha, float(place[3]))
+            deviation = np.zeros(3)
+            if admittance is not None:
+                if goal.bend is not None:
+                    admittance.update(task.contact_wrench(net), goal.bend, goal.seeking)
+                elif goal.phase < PHASES.index("lower"):
+                    admittance.relax(self.config.speeds.travel_m_per_s)
+                deviation = admittance.deviation
+            self._note(cycle, goal, task.laid, deviation, net)
+            moved = place + delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
+            command = controller.command(readings, x, rise, alpha)
+            self.grippers.drive(goal.posture.opening)
+            targets = carried_targets(command.pose, moved)
+            error = _error(targets, seen.grip[:, :3])
+            cycle.send(targets, readings, command)
+            self.grippers.update()
+            sensed = Sensed(
+                net=net,
+                vertical=_vertical(readings, alpha),
+                gap=self.grippers.gap_m,
+                error_m=error,
+            )
+            try:
+                goal = steps.send(sensed)
+            except StopIteration:
+                self.laid.append(self.pins.offsets())
+                return
+
+    def _note(self, cycle: Cycle, goal: Goal, laid: int, deviation: Vector, net: Vector) -> None:
+        """Record what is the assembly's own, and stop at what does damage."""
+        peaks, limits = self.pins.peaks(), self.config.limits
+        cycle.trace.note(
+            [
+                float(laid),
+                float(goal.attempt),
+                *_place(goal.posture),
+                *deviation,
+                *net,
+                *self.grippers.gap_m,
+                *peaks.ravel(),
+                *self.pins.offsets().ravel(),
+            ]
+        )
+        strain = self._surface_strain()
+        if strain > self._limit_strain:
+            raise SimulationFailed(
+                f"{PHASES[goal.phase]}: the sheet's surface strain is {strain:.2e}, above yield, "
+                f"{self._limit_strain:.2e}"
+            )
+        for force, limit, what in (
+            (peaks[0], limits.pin_force_n, "pin"),
+            (peaks[1], limits.edge_force_n, "hole edge"),
+        ):
+            worst = int(np.argmax(force))
+            if force[worst] > limit:
+                raise SimulationFailed(
+                    f"{PHASES[goal.phase]}: the force on the {HOLES[worst]} {what} is "
+                    f"{force[worst]:.1f} N, above {limit:g} N"
+                )
+
+    def _surface_strain(self) -> float:
+        """Return the largest surface strain, ε = |Δθ| t / (2 h)."""
+        sheet, hinges = self.cell.sheet, self.scenario.sheet.strips.hinges
+        curvature = np.abs(self.cell.simulation.bending_angles).max() * hinges / sheet.length_m
+        return float(0.5 * sheet.thickness_m * curvature)
+
+
+def _place(posture: Posture) -> Vector:
+    return np.array([posture.x, posture.y, posture.z, posture.yaw])
+
+
+def _vertical(readings: dict[int, Reading], alpha: float) -> Vector:
+    """Return the force on each arm along the vertical (2,) [N], filtered."""
+    force = np.zeros(len(SIDES))
+    for i, reading in readings.items():
+        force[i] = vertical_force(reading.sample.filtered_force_grip_n, alpha)
+    return force
+
+
+def _error(targets: Targets, grip: Vector) -> float:
+    """Return how far the grips (2, 3) are from where they are sent, the farther one [m]."""
+    sent = np.array([target.translation() for target in targets])
+    return float(np.linalg.norm(grip * BENDING_TO_WORLD - sent, axis=1).max())

@@ -1,0 +1,76 @@
+"""What the held sheet's compliance works against: its stiffness while the middle is on its pins."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from dualbend.beam import elastica
+from dualbend.control.force_torque import skew
+from dualbend.run.cell import RobotCell
+from dualbend.scene.cell import PAD_SITE
+from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, bend_joint, twist_joint
+from dualbend.types import SIDES, Vector
+
+
+def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: float) -> Vector:
+    """Return the stiffness (3, 3) that both grips moving together feel: x, y [N/m], yaw [N m/rad].
+
+    The sheet is pinned at ± ``pinned_m`` from its middle. Beyond that, each half gives way by its
+    hinges, its grasp's rubber and its arm's joints, ``C = Σ J k⁻¹ Jᵀ``, at the joint angles ``q``
+    (n,) and in the zero-moment shape; the end force's part in the sheet's stiffness is left out.
+    With A_i the motion of grip i per motion of the middle, ``K = Σ A_iᵀ C_i⁻¹ A_i`` (6, 6). Pins
+    hold the middle along x and y and against yaw; it may rise and tilt, so K is condensed to those.
+    """
+    scenario, simulation = cell.scenario, cell.simulation
+    model, data = simulation.model, mujoco.MjData(simulation.model)
+    length = scenario.sheet.length_m
+    arcs = np.linspace(0.0, length, scenario.sheet.strips.hinges + 1)
+    _, _, slopes = elastica.shape(alpha_rad, length, arcs)
+    place = np.array([0.0, 0.0, 1.0])
+    data.qpos[:] = simulation.positions(q, 0.0, slopes, place)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    grasp, total = scenario.grasp, np.zeros((6, 6))
+    rubber = np.repeat(
+        [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad], 3
+    )
+    for side, end, sign in zip(SIDES, (LEFT_END, RIGHT_END), (-1.0, 1.0), strict=True):
+        pad = model.site(f"{side}_{PAD_SITE}").id
+        turn = np.kron(np.eye(2), data.site_xmat[pad].reshape(3, 3))
+        mine = cell.arms.joints(side)
+        dofs = np.array([model.joint(name).dofadr[0] for name in simulation.joints[mine]])
+        by_arm = _jacobian(model, data, pad)[:, dofs]
+        hinges = _hinges(model, sign, pinned_m, cell)
+        by_sheet = _jacobian(model, data, model.site(end).id)[:, model.jnt_dofadr[hinges]]
+        compliance = (
+            (by_arm / cell.servo.stiffness[mine]) @ by_arm.T
+            + (turn / rubber) @ turn.T
+            + (by_sheet / model.jnt_stiffness[hinges].reshape(len(hinges), -1)[:, 0]) @ by_sheet.T
+        )
+        reach = data.site_xpos[model.site(end).id] - place
+        moves = np.eye(6)
+        moves[:3, 3:] = -skew(reach)
+        total += moves.T @ np.linalg.solve(compliance, moves)
+    held, free = [0, 1, 5], [2, 3, 4]
+    across = total[np.ix_(free, held)]
+    softened = across.T @ np.linalg.solve(total[np.ix_(free, free)], across)
+    return np.asarray(total[np.ix_(held, held)] - softened)
+
+
+def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, site: int) -> Vector:
+    jacobian = np.zeros((6, model.nv))
+    mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
+    return jacobian
+
+
+def _hinges(model: mujoco.MjModel, sign: float, pinned_m: float, cell: RobotCell) -> list[int]:
+    """Return the joints between a pinned hole and its end of the sheet, bending and twist."""
+    hinges, length = cell.scenario.sheet.strips.hinges, cell.sheet.length_m
+    names = [model.joint(i).name for i in range(model.njnt)]
+    found = []
+    for i in range(hinges):
+        if sign * ((i + 0.5) * length / hinges - 0.5 * length) > pinned_m:
+            wanted = (bend_joint(i), twist_joint(i))
+            found += [names.index(name) for name in wanted if name in names]
+    return found

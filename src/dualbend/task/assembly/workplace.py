@@ -1,0 +1,70 @@
+"""What of a workplace no robot could work at: refused before anything is planned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from dualbend.beam.sheet import Sheet
+from dualbend.errors import InputError
+from dualbend.scenario.assembly import AssemblyConfig
+from dualbend.scene.bed.config import BedConfig, StandConfig
+
+JAW_ROOM_M: Final = 0.015
+"""From a grip to what its gripper must not touch: half a jaw's depth, and 5 mm to be safe."""
+
+LIFT_ROOM_M: Final = 5e-3
+"""Between the tips of the pins and a sheet that is carried over them."""
+
+
+def check_workplace(config: AssemblyConfig, sheet: Sheet) -> None:
+    """Raise InputError with the key, its value and what would be right."""
+    for problem in _problems(config, sheet):
+        raise InputError(f"assembly.{problem}")
+
+
+def _problems(config: AssemblyConfig, sheet: Sheet) -> Iterator[str]:
+    layout = config.layout
+    bed, stand, pins = layout.bed, layout.stand, layout.pins
+    yield from _collides("layout.bed", bed, sheet)
+    yield from _collides("layout.stand", stand, sheet)
+    for name, pair in (("middle", layout.holes.middle), ("outer", layout.holes.outer)):
+        radius = 0.5 * pins.diameter_m
+        for key, value, half in (
+            ("along_m", pair.along_m, bed.half_length_m),
+            ("across_m", abs(pair.across_m), bed.half_width_m),
+        ):
+            if value + radius > half:
+                side = "half_length_m" if key == "along_m" else "half_width_m"
+                yield (
+                    f"layout.holes.{name}.{key} = {getattr(pair, key):g}: its pins would not stand "
+                    f"on the bed; at most {half - radius:g}, or a larger layout.bed.{side}"
+                )
+    apart = bed.half_width_m + stand.half_width_m
+    if abs(stand.y_m) < apart:
+        yield (
+            f"layout.stand.y_m = {stand.y_m:g}: the stand stands in the bed; at least {apart:g} "
+            "to either side"
+        )
+    book = (config.sheets - 1) * sheet.thickness_m
+    if book + sheet.thickness_m > pins.height_m:
+        yield (
+            f"sheets = {config.sheets}: the book is higher than its pins, "
+            f"layout.pins.height_m = {pins.height_m:g}; at most "
+            f"{int(pins.height_m / sheet.thickness_m)} sheets"
+        )
+    least = pins.height_m + LIFT_ROOM_M
+    if config.lift_m < least:
+        yield (
+            f"lift_m = {config.lift_m:g}: the sheet would be carried into the pins; "
+            f"at least {least:g}"
+        )
+
+
+def _collides(name: str, block: BedConfig | StandConfig, sheet: Sheet) -> Iterator[str]:
+    longest = 0.5 * sheet.length_m - JAW_ROOM_M
+    if block.half_length_m > longest:
+        yield (
+            f"{name}.half_length_m = {block.half_length_m:g}: the grippers at the sheet's ends "
+            f"would touch it; at most {longest:g}"
+        )

@@ -1,0 +1,1 @@
+"""Bending along a path between two grips."""

@@ -1,0 +1,1 @@
+"""Validation: how far the simulation is from theory."""

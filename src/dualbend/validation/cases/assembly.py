@@ -1,0 +1,76 @@
+"""Validation of the assembly: every shipped one is run, and what the planner said is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dualbend.errors import InputError
+from dualbend.evaluation.assembly import (
+    OFFSET_BEYOND_CLEARANCE_M,
+    RESTING_WITHIN_M,
+    final_holes,
+    pin_table,
+    seated,
+)
+from dualbend.evaluation.metrics import assembly_metrics
+from dualbend.run.loop import RunResult
+from dualbend.scenario.load import load_scenario
+from dualbend.task.assembly.run import AssemblyRun
+from dualbend.validation.row import Row, absolute, at_most
+
+SHEETS = {"pwb": 1, "pwb-misaligned": 1, "pwb-tight": 1, "pwb-stack": 3}
+SPACING_WITHIN_M = 0.05e-3
+HALVED = 0.5
+
+
+def assembly_rows() -> Iterator[Row]:
+    """Judge the shipped assemblies; takes a minute."""
+    yield _refusal()
+    runs = {}
+    for name, sheets in SHEETS.items():
+        runs[name] = result = AssemblyRun(load_scenario(name)).run()
+        yield from _seated(name, result, 4 * sheets)
+    rigid = AssemblyRun(load_scenario("pwb-rigid")).run()
+    ratio = _peak_pin(runs["pwb-misaligned"]) / _peak_pin(rigid)
+    # Arms that do not comply are stopped at the limit of the force: what they would do is above it.
+    yield at_most("pwb-misaligned / pwb-rigid, peak force on a pin", ratio, HALVED, "1")
+
+
+def _refusal() -> Row:
+    try:
+        AssemblyRun(load_scenario("pwb-impossible"))
+        refused = 0.0
+    except InputError as error:
+        refused = float("mm missing" in str(error))
+    return absolute("pwb-impossible refused, with what is missing", refused, 1.0, "1", 0.0)
+
+
+def _seated(name: str, result: RunResult, holes: int) -> Iterator[Row]:
+    assembly = result.scenario.assembly
+    assert assembly is not None
+    yield absolute(f"{name}: holes seated", float(seated(result).sum()), holes, "1", 0.0)
+    final, metrics = final_holes(result), assembly_metrics(result)
+    allowed = 0.5 * assembly.layout.holes.clearance_m + OFFSET_BEYOND_CLEARANCE_M
+    offset = float(np.hypot(final[..., 0], final[..., 1]).max())
+    height = float(np.abs(final[..., 2]).max())
+    yield at_most(f"{name}: worst hole off its pin's axis", offset, allowed, "m")
+    yield at_most(f"{name}: worst hole above its rest", height, RESTING_WITHIN_M, "m")
+    spacing = metrics["middle_spacing_error"].value
+    assert isinstance(spacing, float)
+    yield absolute(
+        f"{name}: middle holes' spacing while bent, against the plan",
+        spacing,
+        0.0,
+        "m",
+        SPACING_WITHIN_M,
+    )
+    strain, limit = metrics["peak_surface_strain"].value, metrics["yield_strain"].value
+    assert isinstance(strain, float)
+    assert isinstance(limit, float)
+    yield at_most(f"{name}: peak surface strain over yield", strain / limit, 1.0, "1")
+
+
+def _peak_pin(result: RunResult) -> float:
+    return max(float(row["peak_force_n"] or 0.0) for row in pin_table(result))

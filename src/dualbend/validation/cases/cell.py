@@ -1,0 +1,194 @@
+"""The cell held still, pushed and stepped: tracking, end-point stiffness, the sheet's weight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import mujoco
+import numpy as np
+from scipy import optimize, signal
+
+from dualbend.arm import mjcf as arm
+from dualbend.beam import elastica
+from dualbend.beam.sheet import GRAVITY_M_PER_S2
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.response import CommandResponseConfig
+from dualbend.mechanics.stiffness import endpoint_stiffness
+from dualbend.run.cell import RobotCell
+from dualbend.scenario.load import load_scenario
+from dualbend.scene.simulation import Observation
+from dualbend.types import SIDES, Vector
+from dualbend.validation.row import Row, relative
+
+DIRECTIONS = (("x", 0.01, "N/m"), ("z", 0.01, "N/m"), ("alpha", 0.05, "N m/rad"))
+"""Direction of the grip in the bending frame, step commanded [m, rad], unit of its stiffness.
+
+Dry friction holds the last 0.1 mm of a step in z back, so smaller steps look slower: 1.98 Hz and
+0.90 instead of 2.2 Hz and 1 for 2 mm, 2.14 Hz and 0.97 for 10 mm.
+"""
+
+STEP_SLOPE_RAD = 0.5
+"""Bending angle at which the arms are stepped and pushed: the sheet is soft there."""
+
+_PLANE = (0, 2, 4)
+"""x, z and the turn about y in a wrench or twist of six."""
+
+_GRIP_PLANE = (0, 2, 3)
+"""x, z and end slope among the four numbers of an observed grip."""
+
+_REST_CYCLES, _STEP_CYCLES = 60, 45
+_PUSH_N, _PUSH_NM = 20.0, 4.0
+
+
+class HeldCell:
+    """A scenario's cell whose grips are commanded by hand, without compliance.
+
+    Parameters
+    ----------
+    alpha_rad
+        Bending angle of the zero-moment pose in which it starts.
+    scenario_name
+        Shipped scenario that it is composed from.
+    settings
+        Keys of it that are changed.
+    dry_friction
+        Keep the arm joints' Coulomb friction.
+    """
+
+    def __init__(
+        self,
+        alpha_rad: float,
+        scenario_name: str = "fig6",
+        settings: Sequence[str] = (),
+        *,
+        dry_friction: bool = True,
+    ) -> None:
+        self.scenario = scenario = load_scenario(scenario_name, settings)
+        length, height = scenario.sheet.length_m, scenario.cell.sheet_height_m
+        x, rise = elastica.half_distance(alpha_rad, length), elastica.rise(alpha_rad, length)
+        self.pose = np.array([-x, height + rise, alpha_rad])
+        self._cell = RobotCell(scenario, self.pose)
+        self.simulation = self._cell.simulation
+        self.model = self.simulation.model
+        self.arms, self.servo = self._cell.arms, self._cell.servo
+        joints = [self.model.joint(name) for name in self.simulation.joints]
+        self.dof = np.array([joint.dofadr[0] for joint in joints])
+        if not dry_friction:
+            self.model.dof_frictionloss[self.dof] = 0.0
+        self._q = self._cell.home
+        self._cell.reset()
+
+    def command(self, pose: Vector, cycles: int) -> list[Observation]:
+        """Command both grips to (x, z, α) [m, m, rad] and return what is seen at each cycle."""
+        self._q = self._cell.reach(pose, self._q)
+        seen = []
+        for _ in range(cycles):
+            seen.append(self.simulation.observe())
+            self._cell.send(self._q)
+        return seen
+
+    def rest(self) -> Observation:
+        """Hold the last pose until it is still and look."""
+        return self.command(self.pose, _REST_CYCLES)[-1]
+
+
+def fit_response(position: Vector, start: float) -> tuple[float, float]:
+    """Identify ω_n [rad/s] and ξ from a step response, one sample a cycle from the command on (n,).
+
+    Least squares of y = start + A g(t): g is the answer of ω_n² / (s² + 2ξω_n s + ω_n²) to a ramp
+    from 0 to 1 over the first cycle, which is what the interpolation makes of a step.
+    """
+    times = COMMAND_PERIOD_S * np.arange(len(position))
+    ramp = np.minimum(times / COMMAND_PERIOD_S, 1.0)
+
+    def residual(p: Vector) -> Vector:
+        omega, ratio, height = p
+        system = ([omega**2], [1.0, 2.0 * ratio * omega, omega**2])
+        # Linear between samples, as the ramp is: no error of interpolation.
+        _, answer, _ = signal.lsim(system, ramp, times, interp=True)
+        return np.asarray((start + height * answer - position) / span)
+
+    span = float(position[-1] - start)
+    fit = optimize.least_squares(residual, [12.0, 0.8, span], x_scale=[10.0, 1.0, abs(span)])
+    return float(fit.x[0]), float(fit.x[1])
+
+
+def identify_response(
+    direction: int, settings: Sequence[str] = ()
+) -> tuple[float, float, CommandResponseConfig]:
+    """Step both grips; return ω_n [rad/s] and ξ of the left one, and the configured response."""
+    cell = HeldCell(STEP_SLOPE_RAD, settings=settings)
+    before = cell.rest().grip[0, _GRIP_PLANE[direction]]
+    target = cell.pose.copy()
+    target[direction] += DIRECTIONS[direction][1]
+    seen = cell.command(target, _STEP_CYCLES)
+    position = np.array([look.grip[0, _GRIP_PLANE[direction]] for look in seen])
+    return *fit_response(position, float(before)), cell.scenario.response
+
+
+def response_rows(settings: Sequence[str] = ()) -> Iterator[Row]:
+    """Compare the left end effector's identified ω_n and ξ with the configured ones."""
+    for i, (name, _, _) in enumerate(DIRECTIONS):
+        omega, ratio, wanted = identify_response(i, settings)
+        frequency = omega / (2.0 * np.pi)
+        where = f"of the end effector in {name}"
+        configured = wanted.natural_frequency_hz
+        yield relative(f"natural frequency {where}", frequency, configured, "Hz", 0.05)
+        yield relative(f"damping ratio {where}", ratio, wanted.damping_ratio, "1", 0.05)
+
+
+def stiffness_rows(settings: Sequence[str] = ()) -> Iterator[Row]:
+    """Push the left grip and compare its static stiffness with (J Kq⁻¹ Jᵀ)⁻¹.
+
+    The servos hold still; dry friction is off, which would hold a push of this size by itself. The
+    reference deflection is that of the whole change of the load: the push and what the sheet does
+    in answer.
+    """
+    cell = HeldCell(STEP_SLOPE_RAD, settings=settings, dry_friction=False)
+    before = cell.rest()
+    compliance = _compliance(cell)
+    for i, (name, _, unit) in enumerate(DIRECTIONS):
+        push = np.zeros(6)
+        push[_PLANE[i]] = _PUSH_NM if name == "alpha" else _PUSH_N
+        _push_left_grip(cell, push)
+        after = cell.rest()
+        _push_left_grip(cell, np.zeros(6))
+        load = push + after.wrench[0] - before.wrench[0]
+        moved = (after.grip - before.grip)[0, _GRIP_PLANE[i]]
+        expected = (compliance @ load)[_PLANE[i]]
+        size = push[_PLANE[i]]
+        yield relative(
+            f"static end-point stiffness in {name}", size / moved, size / expected, unit, 0.05
+        )
+
+
+def _compliance(cell: HeldCell) -> Vector:
+    """Return J Kq⁻¹ Jᵀ of the left grip (6, 6), world axes, which are its bending frame's."""
+    model, data = cell.model, cell.simulation.data
+    jacobian = np.zeros((6, model.nv))
+    grip = model.site(f"{SIDES[0]}_{arm.GRIP_SITE}").id
+    mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], grip)
+    left = cell.arms.joints("left")
+    by_joints, stiffness = jacobian[:, cell.dof[left]], cell.servo.stiffness[left]
+    return np.asarray(np.linalg.inv(endpoint_stiffness(by_joints, stiffness)))
+
+
+def _push_left_grip(cell: HeldCell, wrench: Vector) -> None:
+    """Apply a wrench (6,) at the left grip; MuJoCo wants it at the hand's centre of mass."""
+    model, data = cell.model, cell.simulation.data
+    hand = model.body(f"{SIDES[0]}_hand").id
+    lever = data.site(f"{SIDES[0]}_{arm.GRIP_SITE}").xpos - data.xipos[hand]
+    data.xfrc_applied[hand] = wrench
+    data.xfrc_applied[hand, 3:] += np.cross(lever, wrench[:3])
+
+
+def weight_rows(alphas: tuple[float, ...] = (0.0, 0.5)) -> Iterator[Row]:
+    """Compare the two grippers' vertical forces with the weight of the sheet, held still."""
+    for alpha in alphas:
+        cell = HeldCell(alpha)
+        vertical = -cell.rest().wrench[:, 2]
+        weight = cell.scenario.sheet.sheet().mass_kg * GRAVITY_M_PER_S2
+        where = f"held at {alpha:g} rad"
+        yield relative(f"both grippers carry the sheet, {where}", vertical.sum(), weight, "N", 0.01)
+        half = f"left gripper carries half, {where}"
+        yield relative(half, vertical[0], weight / 2.0, "N", 0.01)

@@ -1,0 +1,180 @@
+"""The shipped scenarios, run once each, against the oracle and against each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+import mujoco
+import numpy as np
+
+from dualbend.arm.mjcf import GRIP_SITE
+from dualbend.evaluation.metrics import bending_rows, compute_metrics, peak_by_piece
+from dualbend.evaluation.recorded_rod import Place, oracle_moments
+from dualbend.run.arms import arm_pair
+from dualbend.run.loop import RunResult
+from dualbend.run.trace import WALL_CLOCK_COLUMNS
+from dualbend.scenario.load import list_scenarios, load_scenario
+from dualbend.scenario.path import make_path
+from dualbend.scene.cell import robots_only
+from dualbend.task.bending.run import BendingRun
+from dualbend.types import SIDES, Side, Vector
+from dualbend.validation.row import Row, absolute, at_least, at_most
+
+IK_LIMIT = 1e-5
+"""Largest residual of position [m] and rotation [rad]."""
+
+SMALLEST_GROWTH = 0.1
+"""Rate [1/s] above which an oscillation counts as growing."""
+
+
+def run_shipped() -> dict[str, RunResult]:
+    """Run every shipped scenario that bends the sheet between two grips, by name."""
+    shipped = {name: load_scenario(name) for name in list_scenarios()}
+    return {
+        name: BendingRun(scenario).run()
+        for name, scenario in shipped.items()
+        if scenario.assembly is None
+    }
+
+
+def residual_rows(runs: Mapping[str, RunResult]) -> Iterator[Row]:
+    """Judge how all runs end, and how far the solved joint angles miss the commanded poses."""
+    unexpected = sum(not run.expected for run in runs.values())
+    yield absolute("shipped scenarios that end unexpectedly", unexpected, 0.0, "1", 0.0)
+    worst = np.max([ik_residuals(run) for run in runs.values()], axis=0)
+    yield absolute("IK residual, all shipped scenarios, position", worst[0], 0.0, "m", IK_LIMIT)
+    yield absolute("IK residual, all shipped scenarios, rotation", worst[1], 0.0, "rad", IK_LIMIT)
+
+
+def ik_residuals(run: RunResult) -> tuple[float, float]:
+    """Return the largest miss of a grip, [m] and [rad], by MuJoCo's forward kinematics alone.
+
+    The recorded joint set-points are put into the robots' model and compared with the recorded
+    commands, so nothing of the solver's own account enters. NaN where no cycle was solved.
+    """
+    model = robots_only(arm_pair(run.scenario)).compile()
+    data, trace = mujoco.MjData(model), run.trace
+    q = np.column_stack([trace[name.replace("_", "_setpoint_", 1)] for name in trace.joints])
+    poses = [
+        np.column_stack([trace[f"{side}_command_{part}"] for part in ("x", "z", "alpha")])
+        for side in SIDES
+    ]
+    residuals = [(math.nan, math.nan)] if np.isnan(q).any(axis=1).all() else []
+    # The cycle in which the robot stops is observed, but nothing is solved in it.
+    for row in np.flatnonzero(~np.isnan(q).any(axis=1)):
+        data.qpos[:] = q[row]
+        mujoco.mj_kinematics(model, data)
+        for side, pose in zip(SIDES, poses, strict=True):
+            site = data.site(f"{side}_{GRIP_SITE}")
+            residuals.append(_miss(site.xpos, site.xmat.reshape(3, 3), side, pose[row]))
+    position, rotation = np.max(residuals, axis=0)
+    return float(position), float(rotation)
+
+
+def _miss(position: Vector, rotation: Vector, side: Side, pose: Vector) -> tuple[float, float]:
+    """Return distance [m] and angle [rad] from (x, z, α), given in the arm's bending frame."""
+    (x, z, alpha), sign = pose, 1.0 if side == "left" else -1.0
+    c, s = np.cos(alpha), np.sin(alpha)
+    wanted = np.array([[sign * c, 0.0, sign * s], [0.0, sign, 0.0], [-s, 0.0, c]])
+    turn = wanted.T @ rotation
+    # From the skew part, which keeps its digits near zero, where the trace loses half of them.
+    axis = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+    angle = math.atan2(float(np.linalg.norm(axis)), float(np.trace(turn)) - 1.0)
+    return float(np.linalg.norm(position - [sign * x, 0.0, z])), angle
+
+
+def moment_rows(fig6: RunResult) -> Iterator[Row]:
+    """Compare the moment of a run without compliance with the oracle, over its first peak.
+
+    At the sheet's own edges the strips alone differ; at the grippers' poses the pads' compliance
+    is in between, which the oracle does not know.
+    """
+    bending = np.flatnonzero(bending_rows(fig6))
+    moment = fig6.trace["left_true_moment_y"]
+    peak = first_peak(fig6)
+    judged: tuple[tuple[Place, float, str], ...]
+    judged = (("grip", 0.10, "gripper"), ("edge", 0.03, "edge"))
+    for place, limit, words in judged:
+        name = f"fig6 moment error / first peak, at {words} poses"
+        yield absolute(name, moment_error(fig6, place), 0.0, "1", limit)
+    alpha = fig6.trace["left_grip_alpha"][bending]
+    knots = make_path(fig6.scenario.path, fig6.scenario.sheet.length_m).knots[1:-1]
+    at_knots = np.interp(knots, alpha, moment[bending], left=math.nan, right=math.nan)
+    largest = float(np.max(np.abs(at_knots))) / peak
+    yield absolute("fig6 moment at inner knots / first peak", largest, 0.0, "1", 0.10)
+
+
+def moment_error(run: RunResult, place: Place) -> float:
+    """Return the largest error of the moment against the oracle while bending, over its first peak.
+
+    ``place`` as :func:`oracle_moments` has it; NaN where nothing was bent.
+    """
+    rows = np.flatnonzero(bending_rows(run))
+    error = run.trace["left_true_moment_y"][rows] - oracle_moments(run, place, rows)
+    return float(np.max(np.abs(error))) / first_peak(run) if error.size else math.nan
+
+
+def first_peak(run: RunResult) -> float:
+    """Return the largest |moment| on the first piece of the path [N m]; NaN if not reached."""
+    pieces = peak_by_piece(run)
+    return pieces[0] if pieces else math.nan
+
+
+def comparison_rows(runs: Mapping[str, RunResult]) -> Iterator[Row]:
+    """Compare what compliance, too much of it, and the exact path make of the moment."""
+    plain, compliant = peak_by_piece(runs["fig6"]), peak_by_piece(runs["fig8"])
+    ratio = _largest_ratio(runs["fig8"], plain, compliant)
+    yield at_most("fig8 / fig6 peak moment, worst piece with compliance", ratio, 0.6, "1")
+    yield from oscillation_rows(runs["fig8"], runs["fig9"])
+    exact = compute_metrics(runs["exact"])["peak_moment"].value
+    peak = exact if isinstance(exact, float) else math.nan
+    yield at_most("exact / fig6 peak moment", peak / first_peak(runs["fig6"]), 0.3, "1")
+
+
+def _largest_ratio(compliant_run: RunResult, plain: list[float], compliant: list[float]) -> float:
+    """Return the largest ratio over the pieces in which an axis complies from their start on."""
+    scenario = compliant_run.scenario
+    axes = (scenario.compliance.x, scenario.compliance.rotation)
+    start = min(axis.from_alpha_rad for axis in axes if axis is not None)
+    knots = make_path(scenario.path, scenario.sheet.length_m).knots
+    pieces = [k for k in range(len(knots) - 1) if knots[k] >= start - 1e-9]
+    if not pieces or max(pieces) >= min(len(plain), len(compliant)):
+        return math.nan
+    return max(compliant[k] / plain[k] for k in pieces)
+
+
+def oscillation_rows(fig8: RunResult, fig9: RunResult) -> Iterator[Row]:
+    """Judge that a too small B makes the loop oscillate: growth, and a moment far above fig8's.
+
+    A protective stop is the other way in which such a loop ends.
+    """
+    if fig9.outcome == "protective_stop":
+        yield at_least("fig9 ends in a protective stop", 1.0, 1.0, "1")
+        return
+    growth = compute_metrics(fig9)["oscillation_growth"].value
+    rate = growth if isinstance(growth, float) else math.nan
+    yield at_least("fig9 growth rate of the oscillation", rate, SMALLEST_GROWTH, "1/s")
+    ratio = _peak_from(fig9, 1) / _peak_from(fig8, 1)
+    yield at_least("fig9 / fig8 peak moment from the second piece on", ratio, 3.0, "1")
+
+
+def _peak_from(run: RunResult, piece: int) -> float:
+    return max(peak_by_piece(run)[piece:], default=math.nan)
+
+
+def differing_values(first: RunResult, second: RunResult) -> int:
+    """Return how many values of two traces differ, but for the wall clock's; NaN equals NaN."""
+    if first.trace.rows != second.trace.rows or first.trace.columns != second.trace.columns:
+        return max(first.trace.rows, second.trace.rows) * len(first.trace.columns)
+    names = [name for name, _ in first.trace.columns if name not in WALL_CLOCK_COLUMNS]
+    pairs = [(first.trace[name], second.trace[name]) for name in names]
+    pairs.append((first.trace.qpos, second.trace.qpos))
+    return sum(int(np.sum((a != b) & ~(np.isnan(a) & np.isnan(b)))) for a, b in pairs)
+
+
+def repeat_row(first: RunResult) -> Row:
+    """Run a scenario again with its seed and count the values of the trace that differ."""
+    second = BendingRun(first.scenario).run()
+    name = f"values that differ, {first.scenario.name} twice with one seed"
+    return absolute(name, differing_values(first, second), 0.0, "1", 0.0)

@@ -1,0 +1,167 @@
+"""Where an arm stands: the place is good, the same each time, and what is given by hand wins."""
+
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dualbend.arm.catalog import ArmName
+from dualbend.arm.joint_limits import arm_room
+from dualbend.arm.mjcf import GRIP_SITE
+from dualbend.arm.model import arm_model
+from dualbend.arm.pair import ArmPair
+from dualbend.arm.placement import LEAST_MARGIN_RAD, find_placement
+from dualbend.errors import InputError
+from dualbend.run.arms import arm_pair, path_targets, with_placements
+from dualbend.scenario.load import load_scenario
+from dualbend.scenario.path import make_path
+from dualbend.scene.cell import robots_only
+from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD, InverseKinematics, grip_targets
+
+Array = NDArray[np.float64]
+SCENARIO = load_scenario("fig6")
+NAMES: tuple[ArmName, ...] = ("ur5", "panda")
+"""One arm of six joints and one of seven; ``dualbend validate --arm`` measures the others."""
+
+
+@cache
+def pair(*names: ArmName) -> ArmPair:
+    left, right = names if len(names) == 2 else names * 2
+    return arm_pair(load_scenario("fig6", [f"arm.left={left}", f"arm.right={right}"]))
+
+
+@cache
+def walked(*names: ArmName) -> Array:
+    """Return joint angles along the nominal path, by the inverse kinematics of the runs."""
+    arms = pair(*names)
+    solver = InverseKinematics(robots_only(arms).compile(), arms.home)
+    path, q, rows = make_path(SCENARIO.path, SCENARIO.sheet.length_m), arms.home, []
+    for alpha in np.linspace(0.0, 1.0, 21).tolist():
+        half, rise = path.at(alpha)
+        pose = np.array([-half, SCENARIO.cell.sheet_height_m + rise, alpha])
+        solution = solver.solve_from_home(grip_targets(np.array([pose, pose])), q)
+        assert solution.position_residual_m <= TOLERANCE_M
+        assert solution.rotation_residual_rad <= TOLERANCE_RAD
+        q = solution.q
+        rows.append(q)
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("names", [("ur5",), ("panda",), ("puma560", "ur5"), ("panda", "ur5")])
+def test_the_inverse_kinematics_closes_with_room_to_every_limit(names: tuple[ArmName, ...]) -> None:
+    for side, room in arm_room(pair(*names), walked(*names)).items():
+        assert room.room_deg is not None
+        assert room.room_deg >= np.degrees(LEAST_MARGIN_RAD), side
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_was_found_is_what_the_path_has(name: ArmName) -> None:
+    found = find_placement(name, path_targets(SCENARIO), {})
+    room = arm_room(pair(name), walked(name))["left"]
+    # The search saw 11 poses, the walk 21: it can only be a little nearer to a limit.
+    assert room.manipulability == pytest.approx(found.manipulability, rel=0.05)
+    assert room.room_deg == pytest.approx(np.degrees(found.margin_rad), abs=2.0)
+    assert room.manipulability > 0.3  # golden: far from singular
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_arms_of_a_kind_are_each_others_image(name: ArmName) -> None:
+    """A turn by π about the vertical takes one arm to the other: equal angles, turned places."""
+    arms = pair(name)
+    assert arms.alike
+    q = walked(name)[10]
+    # Analytic but for the solver's tolerance.
+    np.testing.assert_allclose(q[arms.joints("left")], q[arms.joints("right")], atol=1e-5)
+    model = robots_only(arms).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = np.tile(q[arms.joints("left")], 2)
+    mujoco.mj_kinematics(model, data)
+    for body in ("base", "link1", f"link{arms.left.model.count}", "hand"):
+        left, right = (data.body(f"{side}_{body}").xpos for side in ("left", "right"))
+        np.testing.assert_allclose(right, left * [-1.0, -1.0, 1.0], atol=1e-12)
+    left, right = (data.site(f"{side}_{GRIP_SITE}").xpos for side in ("left", "right"))
+    np.testing.assert_allclose(right, left * [-1.0, -1.0, 1.0], atol=1e-12)
+
+
+def test_a_redundant_arm_takes_the_same_angles_whatever_way_it_came() -> None:
+    """The solution nearest to the posture depends on the pose alone."""
+    arms = pair("panda")
+    solver = InverseKinematics(robots_only(arms).compile(), arms.home)
+    path = make_path(SCENARIO.path, SCENARIO.sheet.length_m)
+    half, rise = path.at(0.5)
+    pose = np.array([-half, SCENARIO.cell.sheet_height_m + rise, 0.5])
+    targets = grip_targets(np.array([pose, pose]))
+    ways = [solver.solve_from_home(targets, start).q for start in walked("panda")[[8, 13]]]
+    # Discretisation-limited: where the iteration stops.
+    np.testing.assert_allclose(ways[0], ways[1], atol=1e-5)
+    nearest = np.linalg.norm(ways[0] - arms.home)
+    model = robots_only(arms).compile()
+    data, jacobian = mujoco.MjData(model), np.zeros((6, model.nv))
+    data.qpos[:] = ways[0]
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    site = model.site(f"left_{GRIP_SITE}").id
+    mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
+    null = np.linalg.svd(jacobian)[2][6]
+    # At the nearest point the way to the posture is across the motion that is left.
+    assert abs(null @ (arms.home - ways[0])) < 1e-4 * max(nearest, 1.0)
+
+
+def test_the_search_is_deterministic() -> None:
+    targets = path_targets(SCENARIO)
+    first = find_placement("ur5", targets, {})
+    from dualbend.arm import placement
+
+    placement._find.cache_clear()
+    assert find_placement("ur5", targets, {}) == first
+
+
+def test_what_is_given_by_hand_wins() -> None:
+    settings = ["arm.model=ur5", "cell.base_distance_m=0.95", "cell.base_height_m=0.5"]
+    placed = arm_pair(load_scenario("fig6", settings)).left.placement
+    assert (placed.base_distance_m, placed.base_height_m) == (0.95, 0.5)
+    one = arm_pair(load_scenario("fig6", [*settings, "cell.right.base_distance_m=1.0"]))
+    assert one.right.placement.base_distance_m == 1.0
+    assert one.left.placement == placed
+
+
+def test_a_placed_scenario_is_itself() -> None:
+    """Nothing is left to find in what a run writes, and it says the same place."""
+    for settings in (["arm.model=panda"], ["arm.right=ur5"], []):
+        scenario = load_scenario("fig6", settings)
+        placed = with_placements(scenario)
+        assert with_placements(placed) == placed
+        assert arm_pair(placed) == arm_pair(scenario)
+
+
+def test_another_arm_takes_the_place_of_the_one_before_back() -> None:
+    base = load_scenario("fig6")
+    assert base.cell.base_distance_m == 1.05
+    both = load_scenario("fig6", ["cell.base_lateral_m=0.1", "arm.model=ur5"])
+    assert (both.cell.base_distance_m, both.cell.base_lateral_m) == (None, 0.1)
+    one = load_scenario("fig6", ["arm.right=ur5"])
+    assert one.cell.base_distance_m is None
+    assert one.cell.left is not None
+    assert one.cell.left.base_distance_m == 1.05
+    assert one.cell.right is None
+    assert load_scenario("fig6", ["arm.model=puma560"]) == base
+
+
+def test_an_arm_that_is_too_short_is_refused_with_the_number() -> None:
+    with pytest.raises(InputError, match=r"'ur3' \(reach 0.5 m\).*misses one by \d+ mm"):
+        arm_pair(load_scenario("fig6", ["arm.model=ur3", "sheet.length_m=1.6"]))
+
+
+def test_an_arm_whose_joints_do_not_turn_that_far_is_refused() -> None:
+    with pytest.raises(InputError, match=r"right arm: arm 'z1'.*misses one by \d+ mm with joint"):
+        arm_pair(load_scenario("fig6", ["arm.right=z1"]))
+
+
+def test_the_paper_arm_stands_where_it_is_documented() -> None:
+    placement = arm_model("puma560").placement
+    assert placement is not None
+    assert (
+        arm_pair(load_scenario("fig6", ["cell.base_distance_m=1.075"])).left.placement == placement
+    )

@@ -1,0 +1,362 @@
+"""The page of a report without a browser: what it computes, says, escapes and refuses."""
+
+import html
+import json
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from dualbend.cli import main
+from dualbend.report.data import (
+    bending_rows,
+    moment_lines,
+    nominal_lines,
+    oracle_at_edges,
+    phases,
+    shapes,
+    sheet_points,
+)
+from dualbend.report.html import element, markdown
+from dualbend.report.page import report, write_report
+from dualbend.report.settings import settings_of
+from dualbend.resources import limitations_file
+from dualbend.run import output
+from dualbend.run.make import make_run
+from dualbend.run.saved import UNFINISHED, SavedRun, load_run
+from dualbend.scenario.load import load_scenario
+from dualbend.study.paper_figures import FORMATS, write_pictures
+from support.left_runs import leave
+
+SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
+EVIL = "<script>alert('x')</script> & \"quotes\""
+
+
+@pytest.fixture(scope="module")
+def top(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs")
+    leave(folder / "fig6", "fig6", *SHORT)
+    leave(folder / "fig8", "fig8", *SHORT, f"description={EVIL}")
+    leave(folder / "stopped", "fig8", *SHORT, "motion.settle_s=1", until=10)
+    leave(folder / "pwb", "pwb", until=120)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def fig8(top: Path) -> SavedRun:
+    return load_run(top / "fig8")
+
+
+def call(*arguments: str) -> Result:
+    return CliRunner().invoke(main, list(arguments))
+
+
+def test_the_hinges_lead_from_one_edge_to_the_other(fig8: SavedRun) -> None:
+    """Analytic: a chain of rigid strips closes, to the rounding of its 22 joints."""
+    for row in bending_rows(fig8)[::7].tolist():
+        _, x, z = sheet_points(fig8, row)
+        assert x[-1] == pytest.approx(-fig8["right_edge_x"][row], abs=1e-10)
+        assert z[-1] == pytest.approx(fig8["right_edge_z"][row], abs=1e-10)
+
+
+def test_the_sheet_lies_on_the_rod_between_its_own_ends(fig8: SavedRun) -> None:
+    """Discretisation-limited, O(h²), 0.05 mm with 20 hinges; the motion adds to it."""
+    found = shapes(fig8)
+    assert [shape.alpha_rad for shape in found] == sorted(shape.alpha_rad for shape in found)
+    assert found[-1].alpha_rad == pytest.approx(fig8["nominal_alpha"][bending_rows(fig8)].max())
+    assert max(shape.off_rod_m for shape in found) < 3e-4
+
+
+def test_a_plate_has_its_shape_too(tmp_path: Path) -> None:
+    """The plate's mid-line leads from edge to edge, with other places of bending than the strips'.
+
+    Analytic but for its stretch and the widthwise curvature: 1e-6 m is found.
+    """
+    brief = ("path.end_rad=0.4", "motion.speed_rad_per_s=1.0")
+    pauses = ("motion.settle_s=0.1", "motion.hold_s=0.1", "sheet.model=shell")
+    cells = ("sheet.shell.cells_along=8", "sheet.shell.cells_across=2")
+    run = load_run(leave(tmp_path / "plate", "fig8", *brief, *pauses, *cells))
+    assert run.scenario.sheet.strips.hinges != run.scenario.sheet.sections == 8
+    for row in bending_rows(run)[::3].tolist():
+        s, x, z = sheet_points(run, row)
+        assert s.shape == x.shape == z.shape == (10,)
+        assert x[-1] == pytest.approx(-run["right_edge_x"][row], abs=1e-5)
+        assert z[-1] == pytest.approx(run["right_edge_z"][row], abs=1e-5)
+    page = report([run])
+    assert "the simulated plate along its mid-line" in page
+    assert "the simulated strips" not in page
+
+
+def test_the_oracle_at_the_recorded_poses_is_the_true_moment(fig8: SavedRun) -> None:
+    """Discretisation-limited, 1 % of the peak at 0.1 rad/s; four times as fast here."""
+    true, oracle = moment_lines(fig8)[2], oracle_at_edges(fig8)
+    assert true.name == "true"
+    error = np.abs(np.interp(oracle.x, true.x, true.y) - oracle.y)
+    assert np.nanmax(error) < 0.05 * np.abs(true.y).max()
+
+
+def test_a_sheet_that_yields_has_no_elastic_prediction(tmp_path: Path) -> None:
+    """Unbent, the sheet turns the grip the other way than an elastic one: that is not shown."""
+    brief = ("motion.speed_rad_per_s=0.7", "motion.settle_s=0.1", "motion.hold_s=0.1")
+    run = load_run(leave(tmp_path / "set", "springback", *brief, "motion.return_rad=0.8"))
+    assert run.summary.outcome == "completed"
+    assert [line.name for line in nominal_lines(run)] == ["raw", "filtered", "true"]
+    assert all(np.isnan(shape.off_rod_m) for shape in shapes(run))
+    page = report([run, run])
+    assert "oracle, nominal" not in page
+    assert "oracle, recorded" not in page
+    assert "off the rod with weight" not in page
+    assert "No moment is predicted: the elastic theory does not apply" in page
+
+
+def test_phases_follow_each_other_without_a_gap(top: Path) -> None:
+    for name in ("fig8", "pwb"):
+        run = load_run(top / name)
+        found = phases(run)
+        assert [p.name for p in found] == list(run.phases[: len(found)])
+        assert found[0].start_s == 0.0
+        for before, after in pairwise(found):
+            assert after.start_s == pytest.approx(before.end_s, abs=1e-9)  # exact but for rounding
+
+
+def test_settings_tell_what_differs_from_the_defaults() -> None:
+    found = {s.key: s for s in settings_of(load_scenario("fig8", ["sensor.latency_ms=0"]))}
+    assert found["alter.delay_cycles"].changed
+    assert (found["alter.delay_cycles"].value, found["alter.delay_cycles"].default) == ("2", "1")
+    assert not found["sensor.latency_ms"].changed
+    assert found["sheet.length_m"].default == "required"
+    # Units that another key chooses.
+    assert found["compliance.x.k"].unit == "N/mm"
+    assert found["compliance.rotation.b"].unit == "N m s/deg"
+
+
+def test_what_a_scenario_says_is_text(top: Path) -> None:
+    folder = top / "fig8"
+    raw = json.loads((folder / "summary.json").read_text())
+    raw["reason"], raw["metrics"][EVIL] = EVIL, {"value": 1.0, "unit": EVIL}
+    raw["versions"][EVIL] = EVIL
+    evil = top / "evil"
+    evil.mkdir()
+    for name in ("scenario.toml", "trace.parquet"):
+        (evil / name).write_bytes((folder / name).read_bytes())
+    (evil / "summary.json").write_text(json.dumps(raw))
+    page = report([load_run(evil), load_run(folder)])
+    assert page.count(html.escape(EVIL, quote=False)) >= 5
+    assert EVIL not in page
+    assert "<script>alert" not in page
+
+
+def test_elements_escape_text_and_attributes() -> None:
+    made = element("p", EVIL, element("b", "bold"), title=EVIL)
+    assert made == (
+        f'<p title="{html.escape(EVIL)}">{html.escape(EVIL, quote=False)}<b>bold</b></p>'
+    )
+
+
+def test_limitations_are_those_of_the_documentation(fig8: SavedRun) -> None:
+    text = limitations_file().read_text(encoding="utf-8")
+    shown = str(markdown(text))
+    assert shown.count("<li>") == len(re.findall(r"^\* ", text, re.MULTILINE)) > 5
+    assert "**" not in shown
+    assert "](" not in shown
+    assert shown in report([fig8])
+
+
+def test_a_page_has_nothing_from_outside(top: Path) -> None:
+    page = report([load_run(top / name) for name in ("fig6", "fig8", "pwb")])
+    own = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
+    assert not re.findall(r"\bsrc=|<link|@import|url\(", own)
+    targets = re.findall(r'href="([^"]*)"', own)
+    assert all(target.startswith("#") for target in targets)
+    assert {target[1:] for target in targets} <= set(re.findall(r'id="([^"]*)"', own))
+    assert "default-src 'none'" in html.unescape(own)
+    assert len(page.encode()) < 5e6
+
+
+def test_every_picture_has_its_words(top: Path) -> None:
+    page = report([load_run(top / "fig8"), load_run(top / "pwb")])
+    text = re.search(r'<script id="plots"[^>]*>(.*?)</script>', page, re.DOTALL)
+    assert text is not None
+    plots = json.loads(text[1])["plots"]
+    alts = re.findall(r'<div id="(plot-\d+)" class="plot" role="img" aria-label="([^"]+)"', page)
+    assert {name for name, _ in alts} == set(plots)
+    assert all(len(alt) > 20 for _, alt in alts)
+    assert page.count("<figcaption>") == len(plots)
+
+
+def test_runs_beside_each_other_have_one_scale(top: Path) -> None:
+    page = report([load_run(top / "fig6"), load_run(top / "fig8")])
+    text = re.search(r'<script id="plots"[^>]*>(.*?)</script>', page, re.DOTALL)
+    assert text is not None
+    shown = json.loads(text[1])
+    panels = [p for p in shown["plots"].values() if "the paper's Fig." in p["title"]]
+    assert len(panels) == 2
+    assert panels[0]["x"]["range"] == panels[1]["x"]["range"]
+    assert panels[0]["y"]["range"] == panels[1]["y"]["range"]
+
+
+def test_an_assembly_has_its_own_sections(top: Path) -> None:
+    page = report([load_run(top / "pwb")])
+    for title in ("Holes over pins", "Forces on the pins", "Phases", "Wrench on both arms"):
+        assert f">{title}</h3>" in page
+    assert "interrupted by the user" in page
+
+
+def test_a_run_that_ended_before_it_bent_still_has_its_report(top: Path) -> None:
+    page = report([load_run(top / "stopped")])
+    assert "The run ended before it bent the sheet." in page
+    assert "interrupted by the user" in page
+    assert "(unexpected)" in page
+
+
+def test_a_killed_run_still_has_its_report(tmp_path: Path) -> None:
+    """What is on disk after a kill: the stream alone, up to its last second."""
+    run = make_run(load_scenario("fig8", SHORT))
+    kept = b""
+    with output.trace_kept(run, tmp_path) as keep:
+
+        def on_cycle(done: int) -> None:
+            nonlocal kept
+            keep()
+            if done == 40:
+                kept = (tmp_path / "trace.arrow").read_bytes()
+                raise KeyboardInterrupt
+
+        run.run(on_cycle)
+    (tmp_path / "trace.arrow").write_bytes(kept)
+    saved = load_run(tmp_path, unfinished=True)
+    assert saved.summary.outcome == UNFINISHED
+    assert saved.scenario == run.scenario  # exact
+    result = call("report", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert UNFINISHED in page
+    assert "The run left no metrics." in page
+
+
+def test_what_is_no_run_is_one_message_and_exit_2(top: Path, tmp_path: Path) -> None:
+    def copy(name: str, *files: str) -> Path:
+        folder = tmp_path / name
+        folder.mkdir()
+        for file in files:
+            (folder / file).write_bytes((top / "fig8" / file).read_bytes())
+        return folder
+
+    untraced = copy("untraced", "scenario.toml", "summary.json")
+    old = copy("old", "trace.parquet")
+    (old / "scenario.toml").write_text('extends = "fig6"\nname = "x"\nspeed = 1\n')
+    raw = json.loads((top / "fig8" / "summary.json").read_text())
+    raw["versions"]["dualbend"] = "0.0.1"
+    (old / "summary.json").write_text(json.dumps(raw))
+    cut = copy("cut", "scenario.toml", "summary.json")
+    (cut / "trace.parquet").write_bytes((top / "fig8" / "trace.parquet").read_bytes()[:1000])
+    for folder, words in (
+        (tmp_path / "nowhere", "no such folder"),
+        (copy("empty"), "no folder of a run"),
+        (untraced, "there is no trace.parquet"),
+        (cut, "no trace of a run"),
+        (old, "made by dualbend 0.0.1"),
+    ):
+        result = call("report", str(folder), "--out", str(tmp_path / "x.html"))
+        assert result.exit_code == 2, folder
+        assert isinstance(result.exception, SystemExit)
+        assert words in result.output
+        assert len(result.output.strip().splitlines()) == 1
+        assert not (tmp_path / "x.html").exists()
+
+
+def test_a_readable_run_of_another_version_says_so(top: Path, tmp_path: Path) -> None:
+    for name in ("scenario.toml", "trace.parquet"):
+        (tmp_path / name).write_bytes((top / "fig8" / name).read_bytes())
+    raw = json.loads((top / "fig8" / "summary.json").read_text())
+    raw["versions"]["dualbend"] = "0.0.1"
+    (tmp_path / "summary.json").write_text(json.dumps(raw))
+    assert "The run was made by dualbend 0.0.1" in report([load_run(tmp_path)])
+
+
+def test_an_unwritable_page_is_said(top: Path) -> None:
+    result = call("report", str(top / "fig8"), "--out", "/proc/none/x.html")
+    assert result.exit_code == 2
+    assert "--out /proc/none/x.html: cannot be written" in result.output
+
+
+def test_a_compliance_brought_along_is_named_and_not_predicted(top: Path, tmp_path: Path) -> None:
+    for name in ("scenario.toml", "trace.parquet"):
+        (tmp_path / name).write_bytes((top / "fig8" / name).read_bytes())
+    raw = json.loads((top / "fig8" / "summary.json").read_text())
+    (tmp_path / "summary.json").write_text(json.dumps({**raw, "controller": "mine.Still"}))
+    own, other = report([load_run(top / "fig8")]), report([load_run(tmp_path)])
+    assert "the run's compliance was mine.Still" in other
+    assert '<th scope="row">controller</th><td>mine.Still</td>' in other
+    assert "growth rate over bending angle" in own
+    assert "growth rate over bending angle" not in other
+    assert '<th scope="row">controller</th><td>the scenario\'s own</td>' in own
+
+
+def test_the_summarys_sheet_and_arms_are_shown(fig8: SavedRun, tmp_path: Path) -> None:
+    page, sheet, arms = report([fig8]), fig8.summary.sheet, fig8.summary.arms
+    raw = json.loads((fig8.folder / "summary.json").read_text())
+    assert (sheet, arms) == (raw["sheet"], raw["arms"])  # exact
+    assert sheet["rigidity"] == "beam"
+    taken = sheet["choices"]["beam"]["bending_stiffness_nm2"]
+    assert f'<th scope="row">beam (taken)</th><td class="num">{taken:.4g}</td>' in page
+    left = arms["left"]
+    assert f'<td class="num">{left["manipulability"]:.4g}</td>' in page
+    assert f'<td class="num">{left["room_deg"]:.4g}</td><td>{left["joint"]}</td>' in page
+    # A summary of a version that did not have them is still one.
+    for name in ("scenario.toml", "trace.parquet"):
+        (tmp_path / name).write_bytes((fig8.folder / name).read_bytes())
+    for old in ({}, {"sheet": {"material": "x"}, "arms": {"left": 1}}):
+        kept = {key: value for key, value in raw.items() if key not in {"sheet", "arms"}}
+        (tmp_path / "summary.json").write_text(json.dumps({**kept, **old}))
+        without = report([load_run(tmp_path)])
+        assert "beam (taken)" not in without
+        assert ("not readable" in without) == bool(old)
+
+
+def test_misaligned_grips_show_what_leaves_the_plane(top: Path, tmp_path: Path) -> None:
+    brief = ("path.end_rad=0.2", "motion.speed_rad_per_s=0.4", "motion.hold_s=0.1")
+    error = ("motion.settle_s=0.3", "misalignment.right.roll_rad=0.02")
+    run = load_run(leave(tmp_path / "rolled", "fig6", *brief, *error))
+    page = report([run])
+    assert ">Misaligned grips</h3>" in page
+    assert "lateral force over time. left across: " in page
+    assert "left about z (yaw): " in page
+    assert "peak twist moment" in page
+    plane = report([load_run(top / "fig6")])
+    assert "Misaligned grips" not in plane
+    assert "peak twist moment" not in plane
+
+
+def test_the_same_runs_make_the_same_page(top: Path, tmp_path: Path) -> None:
+    for name in ("a.html", "b.html"):
+        write_report([top / "fig8"], tmp_path / name)
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()  # exact
+
+
+def test_pictures_of_the_paper_are_written_alike(top: Path, tmp_path: Path) -> None:
+    runs = [load_run(top / name) for name in ("fig6", "fig8")]
+    for again in ("one", "two"):
+        (tmp_path / again).mkdir()
+        write_pictures(runs, tmp_path / again)
+    names = {f"{stem}.{kind}" for stem in ("fig6", "fig8", "figures") for kind in FORMATS}
+    assert {path.name for path in (tmp_path / "one").iterdir()} == names
+    for name in names:
+        written = (tmp_path / "one" / name).read_bytes()
+        assert written == (tmp_path / "two" / name).read_bytes()  # exact
+        assert b"<svg" in written or written.startswith(b"\x89PNG")
+
+
+def test_figures_are_made_from_nothing(tmp_path: Path) -> None:
+    settings = [part for setting in SHORT for part in ("--set", setting)]
+    result = call("figures", "--out", str(tmp_path / "out"), *settings)
+    assert result.exit_code == 0, result.output
+    for name in ("fig6", "fig8", "fig9"):
+        peak = load_run(tmp_path / "out" / name).summary.metrics["peak_moment"].value
+        assert isinstance(peak, float)
+        assert re.search(rf"{name} +{1e3 * peak:.1f} ", result.output)
+    assert (tmp_path / "out" / "report.html").stat().st_size > 1e6
+    assert (tmp_path / "out" / "figures.svg").is_file()

@@ -1,0 +1,180 @@
+"""The stiffness that the loop feels: oracle's tangent, arms and grasps in series, state of rest."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dualbend.beam import elastica
+from dualbend.errors import InputError
+from dualbend.mechanics.series import in_series
+from dualbend.scenario.load import load_scenario
+from dualbend.stability.plant.coupling import Coupling
+from dualbend.stability.plant.environment import environments
+from dualbend.stability.plant.equilibrium import (
+    rest,
+    sheet_mass,
+    sheet_tangent,
+    sheet_wrench,
+    solve_grips,
+)
+
+Vector = NDArray[np.float64]
+
+SHEET = load_scenario("fig8").sheet.sheet()
+EI, L = SHEET.bending_stiffness_nm2, SHEET.length_m
+X_L, ALPHA_L = 0, 2
+BOTH = '["left","right"]'
+
+
+def on_path(alpha: float) -> Vector:
+    return np.array([-elastica.half_distance(alpha, L), 0.0, alpha] * 2)
+
+
+@pytest.mark.parametrize("alpha", [0.2, 0.5, 1.0])
+def test_tangent_is_the_central_difference_of_the_wrenches(alpha: float) -> None:
+    grips = on_path(alpha)
+    state = solve_grips(SHEET, grips)
+    tangent = sheet_tangent(state)
+    for j, h in enumerate([1e-6, 1e-6, 1e-5] * 2):
+        step = h * np.eye(6)[j]
+        ahead, back = (sheet_wrench(solve_grips(SHEET, grips + d, state)) for d in (step, -step))
+        # Discretisation-limited: second order in the step; scaled to EI/L³, EI/L², EI/L.
+        size = EI / L * np.outer([1 / L, 1 / L, 1] * 2, [1 / L, 1 / L, 1] * 2)[:, j]
+        error = np.abs((back - ahead) / (2.0 * h) - tangent[:, j]) / size
+        assert error.max() < 1e-4 * (np.abs(tangent[:, j]) / size).max(), j
+    # Analytic: it comes from an energy.
+    np.testing.assert_allclose(tangent, tangent.T, atol=1e-9 * np.abs(tangent).max())
+
+
+def test_one_arm_along_x_feels_the_known_stiffness_of_the_bent_sheet() -> None:
+    tangent = sheet_tangent(solve_grips(SHEET, on_path(0.2)))
+    # Leading term without weight, 8π² EI/(α² L³); higher terms and the weight are a few per cent.
+    assert tangent[X_L, X_L] == pytest.approx(8 * math.pi**2 * EI / (0.04 * L**3), rel=0.1)
+
+
+def test_moving_a_sheet_as_a_whole_costs_nothing() -> None:
+    tangent = sheet_tangent(solve_grips(SHEET, on_path(0.4)))
+    sideways, up = np.array([1.0, 0, 0, -1.0, 0, 0]), np.array([0, 1.0, 0, 0, 1.0, 0])
+    # Analytic.
+    for along in (sideways, up):
+        assert np.abs(tangent @ along).max() < 1e-9 * np.abs(tangent).max()
+
+
+def test_series_is_the_inverse_of_summed_compliances() -> None:
+    stiffness = np.array([[3.0, 1.0], [1.0, 2.0]])
+    compliance = np.diag([0.5, 0.1])
+    expected = np.linalg.inv(np.linalg.inv(stiffness) + compliance)
+    # Analytic.
+    np.testing.assert_allclose(in_series(stiffness, compliance), expected, rtol=1e-12)
+    rigid = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    np.testing.assert_allclose(in_series(rigid, np.eye(2)), rigid / 3.0, rtol=1e-12)
+
+
+def test_arms_and_grasps_soften_the_sheet_and_most_where_it_is_stiff() -> None:
+    near, far = environments(load_scenario("fig8"), [0.2, 0.8], at_rest=False)
+    parts = [1.0 - e.loops["alone"][0, 0] / e.rigid_loops["alone"][0, 0] for e in (near, far)]
+    # Golden: 1.39 N/mm on an arm of about 50 N/mm, then 0.1 N/mm; the rest by rotation and pads.
+    # The other arm, which nothing commands, is held by its dry friction.
+    assert parts[0] == pytest.approx(0.032, abs=0.003)
+    assert parts[1] == pytest.approx(0.011, abs=0.004)
+    # Golden: 55.6 N/mm of the arm (the validation measures it) and 1400 N/mm of the pads.
+    assert 1e-3 / near.compliance[0, 0] == pytest.approx(1 / (1 / 55.6 + 1 / 1400), rel=0.1)
+
+
+def test_a_scenario_solved_at_rest_balances_filter_arms_and_sheet() -> None:
+    compliance = np.diag([2e-3, 2e-5, 0.1, 2e-5, 2e-5, 0.01])
+    nominal = on_path(0.3)
+    found = rest(SHEET, nominal, compliance)
+    assert found.settled
+    wrench = sheet_wrench(solve_grips(SHEET, found.grips))
+    # Solver tolerance 1e-9, times what a gap does to the wrench.
+    np.testing.assert_allclose(found.grips, nominal + compliance @ wrench, atol=2e-9)
+    # The sheet pushes the yielding arm outward, and is the stiffer for it.
+    assert found.grips[X_L] < nominal[X_L] - 1e-3
+    tangents = [sheet_tangent(s)[X_L, X_L] for s in (found.state, solve_grips(SHEET, nominal))]
+    assert tangents[0] > 1.2 * tangents[1]
+
+
+def test_no_rest_is_found_where_the_sheet_is_not() -> None:
+    beyond = np.array([-0.6 * L, 0.0, 2.0, -0.6 * L, 0.0, 2.0])
+    state = solve_grips(SHEET, beyond)
+    if state.converged:
+        pytest.skip("the oracle follows even this")
+    assert not rest(SHEET, beyond, np.zeros((6, 6))).settled
+    with pytest.raises(InputError, match="was not found"):
+        sheet_tangent(state)
+
+
+def test_both_arms_are_twice_as_stiff_along_x_and_symmetric() -> None:
+    one = environments(load_scenario("fig8"), [0.4], at_rest=False)[0].rigid_loops["alone"]
+    mirrored = environments(
+        load_scenario("fig8", [f"arms.complying={BOTH}"]), [0.4], at_rest=False
+    )[0].rigid_loops["alike"]
+    # Analytic: only the distance between the grips counts.
+    assert mirrored[0, 0] == pytest.approx(2.0 * one[0, 0], rel=1e-9)
+    each = environments(
+        load_scenario("fig8", [f"arms.complying={BOTH}", f"arms.sensing={BOTH}"]),
+        [0.4],
+        at_rest=False,
+    )[0].rigid_loops
+    np.testing.assert_allclose(each["alike"], mirrored, rtol=1e-9)
+    # Opposed along x the sheet is carried sideways: no force.
+    assert abs(each["opposed"][0, 0]) < 1e-9 * one[0, 0]
+
+
+def test_right_arm_alone_is_the_left_arm_alone() -> None:
+    left = environments(load_scenario("fig8"), [0.4])[0].loops["alone"]
+    right = environments(
+        load_scenario("fig8", ['arms.complying=["right"]', 'arms.sensing=["right"]']), [0.4]
+    )[0].loops["alone"]
+    # Analytic but for the solver's tolerance.
+    np.testing.assert_allclose(right, left, rtol=1e-6)
+
+
+def test_an_arm_that_follows_the_others_sensor_feels_the_cross_stiffness() -> None:
+    scenario = load_scenario("fig8", ['arms.complying=["right"]'])
+    stiffness = np.arange(36.0).reshape(6, 6)
+    # Analytic: force x and moment of the left, displaced by the right.
+    np.testing.assert_array_equal(
+        Coupling.of(scenario, 0.3).loops(stiffness)["alone"], [[3.0, 5.0], [15.0, 17.0]]
+    )
+
+
+def test_tool_mode_moves_along_the_grip_and_a_wrong_lever_mixes_forces_in() -> None:
+    scenario = load_scenario("fig8", ['alter.mode="tool"', "sensor.lever_arm_m=0.10"])
+    coupling = Coupling.of(scenario, 0.5)
+    c, s = math.cos(0.5), math.sin(0.5)
+    # Analytic: x_G = (cos α, −sin α), and M_read = M + 0.02 (x_G × F)_y.
+    np.testing.assert_allclose(coupling.sent[:, 0], [c, -s, 0.0])
+    np.testing.assert_allclose(coupling.read[1], [-0.02 * s, -0.02 * c, 1.0], rtol=1e-12)
+    frozen = Coupling.of(load_scenario("fig8", ['alter.mode="tool-frozen"']), 0.5)
+    np.testing.assert_allclose(frozen.sent[:, 0], [1.0, 0.0, 0.0], atol=1e-15)
+
+
+def test_a_pose_out_of_reach_is_named() -> None:
+    with pytest.raises(InputError, match=r"path at 0\.000 rad: grip pose out of reach"):
+        environments(load_scenario("fig8", ["cell.base_distance_m=2.0"]), [0.3])
+
+
+def test_the_sheets_mass_is_what_its_points_do_when_the_grips_move() -> None:
+    grips = on_path(0.2)
+    state = solve_grips(SHEET, grips)
+    mass = sheet_mass(SHEET, state)
+    sideways, up = np.array([1.0, 0, 0, -1.0, 0, 0]), np.array([0, 1.0, 0, 0, 1.0, 0])
+    # Analytic: carried as a whole it weighs what it weighs.
+    assert sideways @ mass @ sideways == pytest.approx(SHEET.mass_kg, rel=1e-6)
+    assert up @ mass @ up == pytest.approx(SHEET.mass_kg, rel=1e-6)
+    step = np.array([1e-6, 0, 0, 0, 0, 0])
+    ahead, back = (solve_grips(SHEET, grips + d, state) for d in (step, -step))
+    moved = np.hypot(ahead.x_m - back.x_m, ahead.z_m - back.z_m) / 2e-6
+    # Discretisation-limited: second order in the step.
+    expected = SHEET.mass_kg * np.trapezoid(moved**2, dx=1.0 / (moved.size - 1))
+    assert mass[X_L, X_L] == pytest.approx(expected, rel=1e-4)
+    # Leading term: between clamps that keep their slopes a raised cosine grows by 3/(4 α) of what
+    # the ends come together; its mean square is 3/8. The tilt of the frame adds 0.01 kg.
+    bulge = SHEET.mass_kg * 0.375 * (3.0 / (4.0 * 0.2)) ** 2
+    assert mass[X_L, X_L] == pytest.approx(bulge, rel=0.05)

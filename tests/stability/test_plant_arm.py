@@ -1,0 +1,147 @@
+"""The arm under load: the linear cycle is MuJoCo's own, and becomes the rigid one when stiff."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.response import CommandResponse, CommandResponseConfig
+from dualbend.control.servo import JointServo
+from dualbend.scenario.load import load_scenario
+from dualbend.stability.plant.arm import Joints, YieldingArm
+from dualbend.stability.plant.environment import environments
+from dualbend.stability.sampled import LoopElements, SampledLoop
+from dualbend.stability.state_space import Blocks
+
+STEPS, SERVO_K, SHEET_K, INERTIA, TOOL = 16, 2000.0, 30.0, 0.2, 0.03
+
+MODEL = f"""
+<mujoco>
+  <option timestep="{COMMAND_PERIOD_S / STEPS}" gravity="0 0 0" integrator="discrete"/>
+  <worldbody><body><joint name="j" axis="0 1 0" stiffness="{SHEET_K}" damping="0.4"/>
+    <inertial pos="0 0 0" mass="1" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/></body></worldbody>
+  <actuator><general joint="j" biastype="affine" gainprm="{SERVO_K}"
+    biasprm="0 -{SERVO_K} -DAMPING"/></actuator>
+</mujoco>
+"""
+
+
+def one_joint() -> tuple[YieldingArm, JointServo]:
+    """Return one hinge about y that turns the grip by its own angle, on a spring for a sheet."""
+    servo = JointServo(
+        stiffness=np.array([SERVO_K]),
+        inertia=np.array([0.15]),
+        viscous_friction=np.array([0.4]),
+        coulomb_friction=np.zeros(1),
+        damping_ratio=1.0,
+    )
+    turn = np.array([[0.0], [0.0], [1.0]])
+    joints = Joints(
+        mass=np.array([[INERTIA]]),
+        stiffness=servo.stiffness,
+        damping=servo.damping + 0.4,
+        feed_forward=np.array([0.15]),
+        jacobian=turn,
+        setpoint=turn.T,
+    )
+    sheet, tool = np.diag([0.0, 0.0, SHEET_K]), np.diag([0.0, 0.0, TOOL])
+    rows = [0, 2]
+    arm = YieldingArm(
+        joints=joints,
+        sent=np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]),
+        load=sheet,
+        carried=np.zeros((3, 3)),
+        read=sheet[rows],
+        read_mass=tool[rows],
+    )
+    return arm, servo
+
+
+@pytest.mark.parametrize("age", [1, 6, STEPS, STEPS + 3])
+def test_the_cycle_is_what_mujoco_steps(age: int) -> None:
+    arm, servo = one_joint()
+    response = CommandResponse(CommandResponseConfig(), 1, STEPS)
+    cycle, cycles = arm.cycle(response, age, (False, True))
+    model = mujoco.MjModel.from_xml_string(MODEL.replace("DAMPING", str(servo.damping[0])))
+    data = mujoco.MjData(model)
+    setpoints = 0.1 * np.random.default_rng(2).normal(size=30)
+    response.reset(0.0)
+    wrenches = [0.0] * (age + 1)
+    state = np.zeros(cycle.a.shape[0])
+    found, expected = [], []
+    for setpoint in setpoints:
+        found.append((cycle.c @ state + cycle.d[:, 0] * setpoint)[0])
+        state = cycle.a @ state + cycle.b[:, 0] * setpoint
+        # Of the wrenches at the ends of the steps, the one that is `age` steps old next time.
+        reference = response.update(np.array([setpoint]))
+        for row in servo.setpoint(reference.position, reference.velocity, reference.acceleration):
+            before = data.qvel[0]
+            data.ctrl[:] = row
+            mujoco.mj_step(model, data)
+            acceleration = (data.qvel[0] - before) / model.opt.timestep
+            wrenches.append(-SHEET_K * data.qpos[0] - TOOL * acceleration)
+        expected.append(wrenches[len(wrenches) - age + (cycles - 1) * STEPS])
+    # Rounding only: backward Euler on both sides.
+    np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
+    assert state[-2] == pytest.approx(data.qpos[0], abs=1e-12)
+
+
+def test_a_stiff_arm_in_small_steps_does_what_the_response_says() -> None:
+    growth = []
+    for step_s in (0.00175, 0.000875):
+        scenario = load_scenario(
+            "fig9", [f"physics.step_s={step_s}", "sensor.latency_ms=10.5", "servo.damping_ratio=1"]
+        )
+        elements = LoopElements.from_scenario(scenario)
+        (at,) = environments(scenario, [0.3])
+        arm = at.arms["alone"]
+        joints = replace(
+            arm.joints,
+            stiffness=1e6 * arm.joints.stiffness,
+            damping=1e3 * arm.joints.damping,
+            feed_forward=1e6 * arm.joints.feed_forward,
+            mass=1e6 * np.diag(arm.joints.feed_forward),
+        )
+        stiff = replace(arm, joints=joints)
+        inertia = (arm.read_mass @ arm.sent).astype(float)
+        loops = [
+            SampledLoop(elements, arm.read @ arm.sent, (True, True), inertia, mover)
+            for mover in (stiff, None)
+        ]
+        growth.append([loop.mode().growth_per_s for loop in loops])
+    gaps = [abs(with_arm - rigid) for with_arm, rigid in growth]
+    # Discretisation-limited, first order in the physics step.
+    assert gaps[0] < 0.15
+    assert gaps[1] == pytest.approx(gaps[0] / 2.0, rel=0.15)
+
+
+def test_blocks_at_a_frequency_are_their_resolvent() -> None:
+    rng = np.random.default_rng(3)
+    # A defective pole, as the critically damped response and a delay have.
+    a = np.triu(rng.normal(size=(5, 5)), 1) + 0.4 * np.eye(5)
+    blocks = Blocks(
+        a=a, b=rng.normal(size=(5, 2)), c=rng.normal(size=(3, 5)), d=rng.normal(size=(3, 2))
+    )
+    z_inverse = np.exp(-1j * np.array([0.0, 0.3, 2.0, np.pi]))
+    found = blocks.at(z_inverse)
+    for value, inverse in zip(found, z_inverse, strict=True):
+        expected = blocks.c @ np.linalg.solve(np.eye(5) / inverse - a, blocks.b) + blocks.d
+        # Rounding only.
+        np.testing.assert_allclose(value, expected, rtol=1e-10)
+
+
+def test_joints_that_nothing_moves_are_left_to_their_friction() -> None:
+    (at,) = environments(load_scenario("fig8"), [0.4])
+    # Analytic: in the paper's plane only shoulder, elbow and wrist bend.
+    assert at.arms["alone"].joints.stiffness.tolist() == [3.3e4, 0.57e4, 2.0e3]
+    (aside,) = environments(load_scenario("fig8", ["cell.base_lateral_m=0.2"]), [0.4])
+    assert len(aside.arms["alone"].joints.stiffness) == 6
+    arm = at.arms["alone"]
+    # Analytic: the joints' set-points do what is sent, and nothing else in the plane.
+    np.testing.assert_allclose(
+        arm.joints.jacobian @ arm.joints.setpoint @ arm.sent, arm.sent, atol=1e-9
+    )

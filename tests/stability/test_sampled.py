@@ -1,0 +1,260 @@
+"""The sampled loop: the state space is what the streaming objects do; margins are boundaries."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import optimize, signal
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.compliance.admittance import (
+    Admittance,
+    AdmittanceConfig,
+    AdmittanceForm,
+    AxisConfig,
+)
+from dualbend.control.delay import TransportDelay
+from dualbend.control.filters import LowPass, LowPassConfig
+from dualbend.control.response import CommandResponse, CommandResponseConfig
+from dualbend.errors import InputError
+from dualbend.scenario.load import load_scenario
+from dualbend.stability.margins import Sweep, loop_margins
+from dualbend.stability.mode import describe_mode
+from dualbend.stability.sampled import LoopElements, SampledLoop
+
+Vector = NDArray[np.float64]
+STEPS = 8
+LIMIT = 1e9
+"""No deviation is clamped: the state space is linear."""
+
+PAPER_ROBOT = CommandResponseConfig(
+    natural_frequency_hz=2.0, damping_ratio=25.0 / (2.0 * 4.0 * math.pi)
+)
+
+
+def elements(
+    *,
+    delay: int = 1,
+    age: int = 1,
+    low_pass: LowPassConfig | None = None,
+    form: AdmittanceForm = "printed",
+    b: float = 7.0,
+    k: float = 575.0,
+    robot: CommandResponseConfig = PAPER_ROBOT,
+) -> LoopElements:
+    config = AdmittanceConfig(
+        x=AxisConfig(b=b, k=k, form=form),
+        rotation=AxisConfig(b=2.0 * b, k=0.3 * k, form=form),
+        units="si",
+        limit_x_m=LIMIT,
+        limit_rotation_rad=LIMIT,
+    )
+    return LoopElements(
+        response=CommandResponse(robot, 1, STEPS),
+        low_pass=LowPass(low_pass or LowPassConfig(kind="none"), 1),
+        delay=TransportDelay(delay, 1),
+        admittance=Admittance(config),
+        age_steps=age,
+    )
+
+
+NO_TOOL = np.zeros((2, 2))
+
+
+def stream(
+    parts: LoopElements, stiffness: Vector, disturbance: Vector, inertia: Vector = NO_TOOL
+) -> Vector:
+    """Run the loop's own objects around a linear spring, with an aged reading of the position."""
+    response = CommandResponse(parts.response.config, 2, STEPS)
+    low_pass = LowPass(parts.low_pass.config, 2)
+    delay = TransportDelay(parts.delay.cycles, 2)
+    admittance = Admittance(parts.admittance.config)
+    positions = [np.zeros(2)] * (1 + parts.age_steps)
+    accelerations = list(positions)
+    out = []
+    for wrench in disturbance:
+        at = -1 - parts.age_steps
+        reading = wrench - stiffness @ positions[at] - inertia @ accelerations[at]
+        force, moment = low_pass.update(reading)
+        given = admittance.update(force, moment, 1.0)
+        deviation = np.array([given.dx_m, given.dalpha_rad])
+        out.append(deviation)
+        reference = response.update(delay.update(deviation))
+        positions.extend(reference.position)
+        accelerations.extend(reference.acceleration)
+    return np.array(out)
+
+
+@pytest.mark.parametrize("low_pass", [None, LowPassConfig(taps=3), LowPassConfig(kind="iir")])
+@pytest.mark.parametrize(("delay", "age"), [(0, 0), (0, 1), (2, 5), (1, STEPS), (3, 2 * STEPS + 3)])
+@pytest.mark.parametrize("form", ["printed", "impulse-invariant", "static"])
+def test_state_space_responds_as_the_streaming_objects_do(
+    low_pass: LowPassConfig | None, delay: int, age: int, form: AdmittanceForm
+) -> None:
+    parts = elements(delay=delay, age=age, low_pass=low_pass, form=form)
+    stiffness = np.array([[6.0, 1.5], [2.0, 3.0]])
+    disturbance = np.random.default_rng(4).normal(size=(120, 2))
+    inertia = np.array([[0.02, 0.004], [0.003, 0.01]])
+    expected = stream(parts, stiffness, disturbance, inertia)
+    # Rounding only.
+    np.testing.assert_allclose(
+        SampledLoop(parts, stiffness, inertia=inertia).response(disturbance),
+        expected,
+        rtol=0.0,
+        atol=1e-12 * np.abs(expected).max(),
+    )
+
+
+def test_axis_alone_is_the_diagonal_of_the_stiffness() -> None:
+    parts = elements(delay=1, age=3)
+    coupled = np.array([[6.0, 1.5], [2.0, 3.0]])
+    disturbance = np.random.default_rng(5).normal(size=(60, 2))
+    expected = stream(parts, np.diag(np.diag(coupled)), disturbance)
+    alone = SampledLoop(parts, coupled, (False, True)).response(disturbance[:, 1:])
+    # Rounding only.
+    np.testing.assert_allclose(alone[:, 0], expected[:, 1], rtol=1e-11, atol=1e-15)
+
+
+def test_growth_and_frequency_are_those_of_the_streamed_oscillation() -> None:
+    parts, stiffness = elements(delay=2, age=3), np.diag([30.0, 0.0])
+    impulse = np.zeros((220, 2))
+    impulse[0, 0] = 1.0
+    streamed = stream(parts, stiffness, impulse)[:, 0]
+    mode = SampledLoop(parts, stiffness, (True, False)).mode()
+    assert not mode.stable
+    peaks = signal.find_peaks(streamed[80:])[0] + 80
+    times = peaks * COMMAND_PERIOD_S
+    rate = np.polyfit(times, np.log(streamed[peaks]), 1)[0]
+    # Discretisation-limited: a peak is known to half a period of 28 ms.
+    assert mode.growth_per_s == pytest.approx(rate, rel=2e-2)
+    assert mode.frequency_hz == pytest.approx(1.0 / np.mean(np.diff(times)), rel=2e-2)
+
+
+def largest_stiffness(parts: LoopElements) -> float:
+    def excess(stiffness: float) -> float:
+        loop = SampledLoop(parts, np.diag([stiffness, 0.0]), (True, False))
+        return loop.mode().spectral_radius - 1.0
+
+    return float(optimize.brentq(excess, 1.0, 1e4, xtol=1e-9))
+
+
+@pytest.mark.parametrize(
+    ("form", "limits"),
+    [
+        ("printed", (39.9, 22.2, 16.4, 13.5)),
+        ("impulse-invariant", (1425.0, 793.0, 584.0, 481.0)),
+    ],
+)
+def test_largest_stable_stiffness_of_the_interpolated_loop(
+    form: AdmittanceForm, limits: tuple[float, ...]
+) -> None:
+    found = [largest_stiffness(elements(delay=d, age=0, form=form)) for d in range(4)]
+    # Published table of the physics reference, three digits.
+    np.testing.assert_allclose(found, limits, rtol=5e-3)
+
+
+def held_limit(b: float, delay: int) -> float:
+    """Return the same with a zero-order hold, from the characteristic polynomial."""
+    c, w2 = 25.0, (4.0 * math.pi) ** 2
+    num, den, _ = signal.cont2discrete(([w2], [1.0, c, w2]), COMMAND_PERIOD_S, "zoh")
+    pole = math.exp(-575.0 * COMMAND_PERIOD_S / b)
+    # 1 + k_e (1/b) z/(z − a) z^−d G(z) = 0, times z^d (z − a) den.
+    opened = np.polymul(np.polymul([1.0, -pole], den), [1.0, *[0.0] * delay])
+    closing = np.polymul(num[0], [1.0 / b, 0.0])
+
+    def excess(stiffness: float) -> float:
+        roots = np.roots(np.polyadd(opened, stiffness * closing))
+        return float(np.abs(roots).max()) - 1.0
+
+    return float(optimize.brentq(excess, 1.0, 1e4))
+
+
+def test_a_zero_order_hold_would_bear_more_and_small_damping_bears_less() -> None:
+    # Published table of the physics reference, three digits.
+    np.testing.assert_allclose(
+        [held_limit(7.0, d) for d in range(4)], (73.5, 27.7, 18.5, 14.6), rtol=5e-3
+    )
+    assert held_limit(14.0, 0) == pytest.approx(91.0, rel=5e-3)
+    # Given as 44: two digits.
+    assert held_limit(3.5, 0) == pytest.approx(44.0, abs=0.5)
+
+
+@pytest.mark.parametrize("acting", [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize("scale", [0.3, 5.0])
+def test_gain_margin_is_the_factor_that_puts_an_eigenvalue_on_the_circle(
+    acting: tuple[bool, bool], scale: float
+) -> None:
+    parts = elements(delay=2, age=3, low_pass=LowPassConfig(taps=2))
+    stiffness = scale * np.array([[10.0, 4.0], [6.0, 9.0]])
+    loop = SampledLoop(parts, stiffness, acting)
+    found = loop_margins(loop, Sweep.of(parts), stable=loop.mode().stable)
+    assert (found.gain > 1.0) == loop.mode().stable
+    mode = SampledLoop(parts, found.gain * stiffness, acting).mode()
+    # Discretisation-limited: second order in the sweep's 0.45 % steps.
+    assert mode.spectral_radius == pytest.approx(1.0, abs=1e-5)
+    assert mode.frequency_hz == pytest.approx(found.crossover_hz, rel=1e-3)
+
+
+@pytest.mark.parametrize("acting", [(True, False), (True, True)])
+def test_delay_margin_is_the_transport_that_the_loop_still_bears(
+    acting: tuple[bool, bool],
+) -> None:
+    stiffness = np.array([[14.5, 1.0], [1.0, 9.0]])
+    loops = [SampledLoop(elements(delay=d), stiffness, acting) for d in range(12)]
+    parts = elements(delay=0)
+    margin = loop_margins(loops[0], Sweep.of(parts), stable=True)
+    borne = math.floor(margin.delay_s / COMMAND_PERIOD_S)
+    # Whole cycles bracket the margin; analytic.
+    assert 1 <= borne < 11
+    assert [loop.mode().stable for loop in loops[: borne + 2]] == [True] * (borne + 1) + [False]
+    late = loop_margins(loops[borne + 1], Sweep.of(elements(delay=borne + 1)), stable=False)
+    assert -COMMAND_PERIOD_S < late.delay_s < 0.0
+    # Every cycle more takes one period off; to the sweep's interpolation.
+    assert margin.delay_s - late.delay_s == pytest.approx((borne + 1) * COMMAND_PERIOD_S, rel=1e-4)
+
+
+def test_stiffness_of_the_wrong_sign_diverges_without_oscillation() -> None:
+    loop = SampledLoop(elements(), np.diag([-2.0 * 6.3, 0.0]), (True, False))
+    mode = loop.mode()
+    found = loop_margins(loop, Sweep.of(loop.elements), stable=mode.stable)
+    compliance = loop.filters[0].static_compliance
+    # Analytic: static deviation per deviation is −K c; the boundary is where it is 1.
+    assert found.gain == pytest.approx(1.0 / (2.0 * 6.3 * compliance), rel=1e-9)
+    assert mode.stable == (found.gain > 1.0)
+    assert not mode.stable
+    assert mode.frequency_hz == 0.0
+
+
+def test_modes_in_time() -> None:
+    mode = describe_mode(np.exp(complex(-2.0, 2.0 * math.pi * 3.0) * COMMAND_PERIOD_S))
+    # Analytic.
+    assert mode.growth_per_s == pytest.approx(-2.0)
+    assert mode.frequency_hz == pytest.approx(3.0)
+    assert mode.damping_ratio == pytest.approx(2.0 / math.hypot(2.0, 6.0 * math.pi))
+    assert describe_mode(0.0).growth_per_s == -math.inf
+
+
+@pytest.mark.parametrize(("latency_ms", "age"), [(0.0, 1), (9.9, 6), (28.0, 16), (60.0, 34)])
+def test_a_scenario_gives_the_age_that_the_simulation_has(latency_ms: float, age: int) -> None:
+    scenario = load_scenario("fig8", [f"sensor.latency_ms={latency_ms}"])
+    parts = LoopElements.from_scenario(scenario)
+    # Golden: at 1.75 ms, and never younger than one step.
+    assert parts.age_steps == age
+    assert parts.delay.cycles == scenario.alter.delay_cycles
+    assert parts.response.steps == 16
+    assert parts.acting("coupled", 0.1) == (False, False)
+    assert parts.acting("x", 0.2) == (True, False)
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(InputError, match="younger"):
+        elements(age=-1)
+    with pytest.raises(InputError, match="no admittance axis"):
+        SampledLoop(elements(), np.eye(2), (False, False))
+    with pytest.raises(InputError, match=r"finite \(2, 2\)"):
+        SampledLoop(elements(), np.eye(3))
+    with pytest.raises(InputError, match=r"compliance\.x is off"):
+        LoopElements.from_scenario(load_scenario("fig6")).axis("x")

@@ -1,0 +1,151 @@
+"""The same sweep on a real Dask scheduler with two workers on the loopback address."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from test_sweep import InProcess
+
+from dualbend.cli import main
+from dualbend.errors import DualbendError, InputError
+from dualbend.study.sweep import dask as sweep_dask
+from dualbend.study.sweep import run as sweep_module
+from dualbend.study.sweep.dask import KILLED, on_cluster, run_there
+from dualbend.study.sweep.design import make_design
+from dualbend.study.sweep.file import load_sweep
+from dualbend.study.sweep.report import write_report
+from dualbend.study.sweep.row import result_versions, run_row
+from dualbend.study.sweep.run import locally, run_sweep
+from dualbend.study.sweep.table import TABLE
+
+distributed = pytest.importorskip("distributed")
+threadpoolctl = pytest.importorskip("threadpoolctl")
+
+TEXT = """
+scenario = "fig8"
+[set]
+path.end_rad = 0.3
+motion = { speed_rad_per_s = 0.5, settle_s = 0.2, hold_s = 0.2 }
+[sample]
+kind = "grid"
+[keys]
+compliance.x.b = { values = [5.0, 7.0, 9.0] }
+alter.delay_cycles = { values = [1, 2, 3, -1] }
+"""
+
+
+@contextmanager
+def started(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Start ``dask`` with these arguments; end it, whatever happens."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dask", *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate(timeout=30)
+
+
+@pytest.fixture
+def scheduler() -> Iterator[str]:
+    with started("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard") as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            found = re.search(r"Scheduler at:\s+(tcp://\S+)", line)
+            if found:
+                yield found.group(1)
+                return
+    pytest.fail("the scheduler did not start")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
+def test_a_cluster_that_loses_a_worker_makes_the_local_table(
+    scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Analytic: byte for byte that of this process in one thread; refused runs are in it as well.
+
+    Of two workers one is killed when three runs are done, while it has others in hand.
+    """
+    (tmp_path / "s.toml").write_text(TEXT)
+    sweep = load_sweep(tmp_path / "s.toml")
+    design = make_design(sweep)
+    worker = ("worker", scheduler, "--nthreads", "1", "--no-nanny", "--no-dashboard")
+    worker = (*worker, "--local-directory", str(tmp_path))
+    killed: list[int] = []
+    with started(*worker) as first, started(*worker) as second:
+        with distributed.Client(scheduler) as client:
+            client.wait_for_workers(2, timeout=60)
+
+        def kill(done: int, total: int, outcome: str) -> None:
+            # Three of the twelve are refused before any worker is asked.
+            if done == 6:
+                first.send_signal(signal.SIGKILL)
+                killed.append(first.wait(timeout=30))
+
+        rows = run_sweep(sweep, design, tmp_path / "dask", on_cluster(scheduler), on_run=kill)
+        assert killed == [-signal.SIGKILL]
+        assert second.poll() is None
+    write_report(sweep, design, rows, tmp_path / "dask")
+    assert [row.outcome for row in rows] == [*3 * ["completed"], "refused"] * 3
+
+    monkeypatch.setattr(sweep_module, "ProcessPoolExecutor", InProcess)
+    with threadpoolctl.threadpool_limits(1):
+        local = run_sweep(sweep, design, tmp_path / "local", locally(1))
+    write_report(sweep, design, local, tmp_path / "local")
+    assert (tmp_path / "dask" / TABLE).read_bytes() == (tmp_path / "local" / TABLE).read_bytes()
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "udp://127.0.0.1:1", "nowhere"])
+def test_a_scheduler_that_does_not_answer_is_one_message(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sweep_dask, "CONNECT_S", 0.5)
+    (tmp_path / "s.toml").write_text(TEXT)
+    result = CliRunner().invoke(main, ["sweep", str(tmp_path / "s.toml"), "--scheduler", address])
+    assert result.exit_code == 2
+    assert f"--scheduler {address}: no scheduler answers" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_without_the_extra_it_is_said_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"pip install 'dualbend\[dask\]'"):
+        on_cluster("tcp://127.0.0.1:8786")
+
+
+def future(status: str, error: Exception | None = None) -> Any:
+    return SimpleNamespace(status=status, exception=lambda: error)
+
+
+def test_what_a_cluster_may_do_to_a_run_is_a_row_or_one_message() -> None:
+    """Analytic: only a run that kills its workers is a row; it is kept from killing the next."""
+    dead = SimpleNamespace(address="tcp://127.0.0.1:1")
+    killing = distributed.KilledWorker("run_there", dead, 3)
+    row = sweep_dask._row(future("error", killing), 5)
+    assert (row.index, row.outcome, row.reason) == (5, "error", KILLED)
+    for lost in ("cancelled", "lost"):
+        with pytest.raises(DualbendError, match=r"scheduler is gone.*the same command goes on"):
+            sweep_dask._row(future(lost), 5)
+    with pytest.raises(DualbendError, match=r"ModuleNotFoundError: dualbend.*installed there"):
+        sweep_dask._row(future("error", ModuleNotFoundError("dualbend")), 5)
+
+
+def test_a_worker_with_other_versions_makes_no_run(tmp_path: Path) -> None:
+    """Its numbers would be others, and the table would not say so."""
+    (tmp_path / "s.toml").write_text(TEXT)
+    expected = {**result_versions(), "mujoco": "3.9.0"}
+    with pytest.raises(DualbendError, match=r"a worker has mujoco .*, this sweep 3\.9\.0"):
+        run_there(run_row, 0, load_sweep(tmp_path / "s.toml").resolve(), expected)
