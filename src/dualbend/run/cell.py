@@ -100,7 +100,8 @@ class RobotCell:
         _, _, slopes = elastica.shape(float(self.start[2]), sheet.length_m, arcs)
         self.response.reset(self.home)
         middle = np.array([0.0, 0.0, self.scenario.cell.sheet_height_m])
-        return self.simulation.reset(self.home, self.sheet.thickness_m / 2, slopes, middle)
+        simulation, opening = self.simulation, self.sheet.thickness_m / 2
+        return simulation.reset(simulation.positions(self.home, opening, slopes, middle))
 
     def send(self, q: Vector) -> SensorSample:
         """Run one command cycle towards the joint set-points (n,) [rad]."""

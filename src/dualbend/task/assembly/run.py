@@ -138,7 +138,7 @@ class AssemblyRun(Run):
         self.pins = PinContacts(
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
-        simulation.watch = self
+        simulation.on_step = self.on_step
         if self.config.compliance is not None:
             self.stiffness = self._stiffness(cell)
             self._mobility = self._rate(self.config.compliance) / self.stiffness
@@ -189,20 +189,21 @@ class AssemblyRun(Run):
         """Number of command cycles, at most."""
         return round(self.config.sheets * LONGEST_S / COMMAND_PERIOD_S)
 
-    def look(self) -> None:
-        """Look at pins and jaws after every physics step."""
-        self.pins.look()
-        self.grippers.look()
+    def on_step(self) -> None:
+        """Follow pins and jaws after every physics step."""
+        self.pins.on_step()
+        self.grippers.on_step()
 
     def start(self) -> SensorSample:
         """Put the arms beside the stand, jaws open, and a sheet upon it."""
-        cell = self.cell
+        cell, opening = self.cell, self.config.jaw_opening_m
         cell.response.reset(cell.home)
         flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
-        sample = cell.simulation.reset(
-            cell.home, self.config.jaw_opening_m, flat, *self._on_the_stand()
+        simulation = cell.simulation
+        sample = simulation.reset(
+            simulation.positions(cell.home, opening, flat, *self._on_the_stand())
         )
-        self.grippers.reset(self.config.jaw_opening_m)
+        self.grippers.reset(opening)
         self.pins.peaks()
         self.laid = []
         return sample
