@@ -13,7 +13,7 @@ import dualbend
 
 PACKAGE = Path(dualbend.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
-FOUNDATION = ("errors", "types", "resources")
+FOUNDATION = ("errors", "types", "resources", "table")
 ROOMS = (
     *FOUNDATION,
     "beam",
