@@ -69,7 +69,7 @@ class Table:
     def markdown(self) -> str:
         """Return the table in Markdown, with what would break a row escaped."""
         head, *lines = (
-            f"| {' | '.join(_escaped(cell) for cell in line)} |"
+            f"| {' | '.join(escaped(cell) for cell in line)} |"
             for line in ([column.heading for column in self.columns], *self.cells())
         )
         return "\n".join([head, f"{'|---' * len(self.columns)}|", *lines])
@@ -94,6 +94,7 @@ def _paired(columns: Sequence[Column], row: Sequence[object]) -> list[tuple[Colu
     return list(zip(columns, [*row, *[""] * (len(columns) - len(row))], strict=True))
 
 
-def _escaped(cell: str) -> str:
+def escaped(cell: str) -> str:
+    """Return text with what would break a row of a Markdown table escaped; code in backticks."""
     plain = cell.replace("|", "\\|").replace("\n", " ").replace("<", "&lt;")
     return f"`{plain}`" if isinstance(cell, Code) else plain

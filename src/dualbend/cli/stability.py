@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from dualbend.cli.common import EXIT_FAILED_CHECK, SETTINGS, complete_scenarios, examples
+from dualbend.table import Column, Table
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dualbend.scenario.scenario import Scenario
-    from dualbend.stability.prediction import Prediction
+    from dualbend.stability.prediction import Prediction, Row
 
 
 @click.command(epilog=examples("dualbend stability fig9 --map fig9.png"))
@@ -130,19 +133,7 @@ def _show_prediction(prediction: Prediction) -> None:
     if not prediction.rows:
         click.echo(f"{prediction.scenario}: {prediction.reason}")
         return
-    click.echo(
-        " rad   N/mm  N m/rad  verdict    gain  phase   delay     Hz  damping  growth  "
-        "(23)  delayed\n"
-        "                              margin    deg      ms                     1/s"
-    )
-    for row in prediction.rows:
-        click.echo(
-            f"{row.alpha_rad:4.2f}{row.stiffness_x_n_per_m / 1e3:7.3f}"
-            f"{row.stiffness_rotation_nm_per_rad:9.3f}  {_word(row.stable):<8}"
-            f"{row.gain_margin:7.2f}{row.phase_margin_deg:7.0f}{1e3 * row.delay_margin_s:8.0f}"
-            f"{row.frequency_hz:7.2f}{row.damping_ratio:9.2f}{row.growth_per_s:8.2f}  "
-            f"{_word(row.paper_stable):<8}  {_word(row.delayed_stable)}"
-        )
+    click.echo(_table(prediction.rows).text())
     missed = [f"{row.alpha_rad:.2f}" for row in prediction.rows if not row.at_rest]
     if missed:
         click.echo(f"no state of rest found, judged at the path's poses: {', '.join(missed)} rad")
@@ -151,6 +142,29 @@ def _show_prediction(prediction: Prediction) -> None:
     for low, high in prediction.unstable_rad:
         click.echo(f"predicted unstable from {low:.2f} to {high:.2f} rad")
     click.echo(f"{prediction.scenario}: {prediction.verdict} ({prediction.reason})")
+
+
+def _table(rows: Sequence[Row]) -> Table:
+    columns = (
+        *(_right("rad", ".2f"), _right("N/mm", ".3f"), _right("N m/rad", ".3f")),
+        *(Column("verdict"), _right("gain\nmargin", ".2f"), _right("phase\ndeg", ".0f")),
+        *(_right("delay\nms", ".0f"), _right("Hz", ".2f"), _right("damping", ".2f")),
+        *(_right("growth\n1/s", ".2f"), Column("(23)"), Column("delayed")),
+    )
+    lines = [
+        (
+            *(row.alpha_rad, row.stiffness_x_n_per_m / 1e3, row.stiffness_rotation_nm_per_rad),
+            *(_word(row.stable), row.gain_margin, row.phase_margin_deg, 1e3 * row.delay_margin_s),
+            *(row.frequency_hz, row.damping_ratio, row.growth_per_s),
+            *(_word(row.paper_stable), _word(row.delayed_stable)),
+        )
+        for row in rows
+    ]
+    return Table(columns, lines)
+
+
+def _right(name: str, spec: str) -> Column:
+    return Column(name, format=spec, right=True)
 
 
 def _word(stable: bool) -> str:
