@@ -38,9 +38,11 @@ ROOMS = (
 HOMES = {
     "mink": "scene/ik.py",
     "rerun": "recording/",
-    "matplotlib": ("report/figures", "study/"),
-    "bokeh": "report/plots.py",
-    "contourpy": "report/plots.py",
+    "matplotlib": ("report/figures.py", "study/"),
+    "bokeh": "report/bokeh.py",
+    "contourpy": "report/stability_map.py",
+    "jinja2": "report/template.py",
+    "markdown_it": "report/template.py",
 }
 NO_MUJOCO = ("beam", "control", "planning")
 PENDING = {

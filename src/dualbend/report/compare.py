@@ -104,7 +104,7 @@ def write_comparison(
     InputError
         The folder cannot be written to.
     """
-    from dualbend.report.figures_compare import plot_compared_moments  # noqa: PLC0415
+    from dualbend.report.figures import plot_compared_moments  # noqa: PLC0415
 
     text = report_text(found)
     try:
