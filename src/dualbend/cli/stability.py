@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from dualbend.cli.common import EXIT_FAILED_CHECK, SETTINGS, complete_scenarios, examples
-from dualbend.table import Column, Table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -133,7 +132,7 @@ def _show_prediction(prediction: Prediction) -> None:
     if not prediction.rows:
         click.echo(f"{prediction.scenario}: {prediction.reason}")
         return
-    click.echo(_table(prediction.rows).text())
+    click.echo(_table(prediction.rows))
     missed = [f"{row.alpha_rad:.2f}" for row in prediction.rows if not row.at_rest]
     if missed:
         click.echo(f"no state of rest found, judged at the path's poses: {', '.join(missed)} rad")
@@ -144,12 +143,17 @@ def _show_prediction(prediction: Prediction) -> None:
     click.echo(f"{prediction.scenario}: {prediction.verdict} ({prediction.reason})")
 
 
-def _table(rows: Sequence[Row]) -> Table:
+def _table(rows: Sequence[Row]) -> str:
+    from dualbend.table import Column, Table
+
+    def right(name: str, spec: str) -> Column:
+        return Column(name, format=spec, right=True)
+
     columns = (
-        *(_right("rad", ".2f"), _right("N/mm", ".3f"), _right("N m/rad", ".3f")),
-        *(Column("verdict"), _right("gain\nmargin", ".2f"), _right("phase\ndeg", ".0f")),
-        *(_right("delay\nms", ".0f"), _right("Hz", ".2f"), _right("damping", ".2f")),
-        *(_right("growth\n1/s", ".2f"), Column("(23)"), Column("delayed")),
+        *(right("rad", ".2f"), right("N/mm", ".3f"), right("N m/rad", ".3f"), Column("verdict")),
+        *(right("gain\nmargin", ".2f"), right("phase\ndeg", ".0f"), right("delay\nms", ".0f")),
+        *(right("Hz", ".2f"), right("damping", ".2f"), right("growth\n1/s", ".2f")),
+        *(Column("(23)"), Column("delayed")),
     )
     lines = [
         (
@@ -160,11 +164,7 @@ def _table(rows: Sequence[Row]) -> Table:
         )
         for row in rows
     ]
-    return Table(columns, lines)
-
-
-def _right(name: str, spec: str) -> Column:
-    return Column(name, format=spec, right=True)
+    return Table(columns, lines).text()
 
 
 def _word(stable: bool) -> str:
