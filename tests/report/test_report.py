@@ -3,7 +3,6 @@
 import html
 import json
 import re
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,6 @@ from markupsafe import escape
 from matplotlib.figure import Figure as Canvas
 
 from dualbend.cli import main
-from dualbend.report.assembly import sections_of as assembly
-from dualbend.report.bending import sections_of as bending
 from dualbend.report.figures import draw
 from dualbend.report.moment import (
     bending_rows,
@@ -25,7 +22,7 @@ from dualbend.report.moment import (
     reference_at_ends,
 )
 from dualbend.report.over_time import OverTime
-from dualbend.report.page import page_of, report, write_report
+from dualbend.report.page import chapter, page_of, report, write_report
 from dualbend.report.plot import Axis, Curve, Plot
 from dualbend.report.section import Chapter, Details, Figure, Section, Verdict
 from dualbend.report.sections.settings import settings_of
@@ -34,7 +31,8 @@ from dualbend.report.template import markdown
 from dualbend.resources import limitations_file
 from dualbend.run import output
 from dualbend.run.make import make_run
-from dualbend.run.saved import UNFINISHED, SavedRun, load_run
+from dualbend.run.record import RunRecord
+from dualbend.run.saved import UNFINISHED, load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.study.paper_figures import FORMATS, write_pictures
 from dualbend.table import Code, Column, Table
@@ -55,7 +53,7 @@ def top(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def fig8(top: Path) -> SavedRun:
+def fig8(top: Path) -> RunRecord:
     return load_run(top / "fig8")
 
 
@@ -71,7 +69,7 @@ def plots_of(page: str) -> dict[str, Any]:
     return found
 
 
-def test_the_hinges_lead_from_one_edge_to_the_other(fig8: SavedRun) -> None:
+def test_the_hinges_lead_from_one_edge_to_the_other(fig8: RunRecord) -> None:
     """Analytic: a chain of rigid strips closes, to the rounding of its 22 joints."""
     for row in bending_rows(fig8)[::7].tolist():
         _, x, z = sheet_points(fig8, row)
@@ -79,7 +77,7 @@ def test_the_hinges_lead_from_one_edge_to_the_other(fig8: SavedRun) -> None:
         assert z[-1] == pytest.approx(fig8["right_edge_z"][row], abs=1e-10)
 
 
-def test_the_sheet_lies_on_the_rod_between_its_own_ends(fig8: SavedRun) -> None:
+def test_the_sheet_lies_on_the_rod_between_its_own_ends(fig8: RunRecord) -> None:
     """Discretisation-limited, O(h²), 0.05 mm with 20 hinges; the motion adds to it."""
     found = shapes(fig8)
     assert [shape.alpha_rad for shape in found] == sorted(shape.alpha_rad for shape in found)
@@ -107,9 +105,9 @@ def test_a_plate_has_its_shape_too(tmp_path: Path) -> None:
     assert "the simulated strips" not in page
 
 
-def test_the_reference_at_the_recorded_poses_is_the_true_moment(fig8: SavedRun) -> None:
+def test_the_reference_at_the_recorded_poses_is_the_true_moment(fig8: RunRecord) -> None:
     """Discretisation-limited, 1 % of the peak at 0.1 rad/s; four times as fast here."""
-    true = recorded_moments(fig8, fig8.sensing_side, bending_rows(fig8))[2]
+    true = recorded_moments(fig8, bending_rows(fig8))[2]
     reference = reference_at_ends(fig8)
     assert true.name == "true"
     error = np.abs(np.interp(reference.x, true.x, true.y) - reference.y)
@@ -120,7 +118,7 @@ def test_a_sheet_that_yields_has_no_elastic_prediction(tmp_path: Path) -> None:
     """Unbent, the sheet turns the grip the other way than an elastic one: that is not shown."""
     brief = ("motion.speed_rad_per_s=0.7", "motion.settle_s=0.1", "motion.hold_s=0.1")
     run = load_run(leave(tmp_path / "set", "springback", *brief, "motion.return_rad=0.8"))
-    assert run.summary.outcome == "completed"
+    assert run.outcome == "completed"
     assert [curve.name for curve in moment_curves(run)] == ["raw", "filtered", "true"]
     assert all(np.isnan(shape.off_rod_m) for shape in shapes(run))
     page = report([run, run])
@@ -180,7 +178,7 @@ def test_every_kind_of_block_is_escaped() -> None:
     assert "<script>" not in markdown(EVIL)
 
 
-def test_limitations_are_those_of_the_documentation(fig8: SavedRun) -> None:
+def test_limitations_are_those_of_the_documentation(fig8: RunRecord) -> None:
     text = limitations_file().read_text(encoding="utf-8")
     shown = str(markdown(text))
     assert shown.count("<li>") == len(re.findall(r"^\* ", text, re.MULTILINE)) > 5
@@ -209,13 +207,10 @@ def test_every_picture_has_its_words(top: Path) -> None:
     assert page.count("<figcaption>") == len(plots)
 
 
-@pytest.mark.parametrize(("name", "sections_of"), [("fig8", bending), ("pwb", assembly)])
-def test_matplotlib_draws_what_the_page_shows(
-    top: Path, name: str, sections_of: Callable[[SavedRun], list[Section | None]]
-) -> None:
+@pytest.mark.parametrize("name", ["fig8", "pwb"])
+def test_matplotlib_draws_what_the_page_shows(top: Path, name: str) -> None:
     """Exact: every curve of every plot, its values, and the axes with their units."""
-    sections = [section for section in sections_of(load_run(top / name)) if section is not None]
-    figures = Chapter(name, [], sections).figures
+    figures = chapter(load_run(top / name), name).figures
     assert len(figures) > 8
     for shown in (figure.plot for figure in figures):
         axes = Canvas().add_subplot()
@@ -337,7 +332,7 @@ def test_a_compliance_brought_along_is_named_and_not_predicted(top: Path, tmp_pa
     assert '<th scope="row">controller</th><td>the scenario&#39;s own</td>' in own
 
 
-def test_the_summarys_sheet_and_arms_are_shown(fig8: SavedRun, tmp_path: Path) -> None:
+def test_the_summarys_sheet_and_arms_are_shown(fig8: RunRecord, tmp_path: Path) -> None:
     page, sheet, arms = report([fig8]), fig8.summary.sheet, fig8.summary.arms
     raw = json.loads((fig8.folder / "summary.json").read_text())
     assert (sheet, arms) == (raw["sheet"], raw["arms"])  # exact

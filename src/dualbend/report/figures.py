@@ -18,12 +18,11 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import bending_rows, first_sensing_side
-from dualbend.report.moment import knots_of, moment_plot, recorded_moments
+from dualbend.report.moment import is_bending, knots_of, moment_plot, recorded_moments
 from dualbend.report.plot import COLOURS, LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot
+from dualbend.report.sections.tables import ended
 from dualbend.report.stability_map import stability_panel
-from dualbend.run.loop import RunResult
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.stability.map import Panel
 
 PALETTE: dict[Colour, Any] = {
@@ -89,18 +88,14 @@ def _picture(shown: Plot) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def plot_moment(result: RunResult, path: Path) -> None:
+def plot_moment(run: RunRecord, path: Path) -> None:
     """Write the moment at the sensing gripper, raw, filtered and true, as PNG."""
-    scenario, side = result.scenario, first_sensing_side(result)
-    curves = recorded_moments(result.trace, side, bending_rows(result))
-    ended = result.outcome.replace("_", " ")
-    if result.reason:
-        ended = f"{ended}: {result.reason}"
+    curves = recorded_moments(run, is_bending(run))
     shown = moment_plot(
         curves,
-        knots_of(scenario),
-        axes=(ANGLE, Axis(f"moment at the {side} gripper", "mN m")),
-        title=f"{scenario.name}  ({ended})",
+        knots_of(run.scenario),
+        axes=(ANGLE, Axis(f"moment at the {run.sensing_side} gripper", "mN m")),
+        title=f"{run.scenario.name}  ({ended(run)})",
     )
     figure, axes = _picture(shown)
     axes.annotate(
@@ -114,7 +109,7 @@ def plot_moment(result: RunResult, path: Path) -> None:
 
 
 def plot_compared_moments(
-    runs: tuple[SavedRun, SavedRun], labels: tuple[str, str], path: Path
+    runs: tuple[RunRecord, RunRecord], labels: tuple[str, str], path: Path
 ) -> None:
     """Write the moments at the sensing grippers during bending as PNG: true, and thin, filtered.
 
@@ -135,11 +130,10 @@ def plot_compared_moments(
 
 
 def _filtered_and_true(
-    run: SavedRun, label: str, colour: Colour, width: float
+    run: RunRecord, label: str, colour: Colour, width: float
 ) -> tuple[Curve, Curve]:
-    rows, side = run["phase"] == run.phases.index("bend"), run.sensing_side
-    _, filtered, true = recorded_moments(run, side, rows)
-    name = f"{label}, {side}: largest {np.nanmax(np.abs(true.y), initial=0.0):.1f} mN m"
+    _, filtered, true = recorded_moments(run, is_bending(run))
+    name = f"{label}, {run.sensing_side}: largest {np.nanmax(np.abs(true.y), initial=0.0):.1f} mN m"
     return (
         replace(filtered, name="", colour=colour, width=0.7, opacity=0.5),
         replace(true, name=name, colour=colour, width=width),

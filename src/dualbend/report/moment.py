@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.beam.rod import planar as rod
-from dualbend.evaluation.recorded_rod import Columns, recorded_rods
+from dualbend.evaluation.recorded_rod import recorded_rods
 from dualbend.evaluation.sheet import no_oracle
 from dualbend.report.plot import Axis, Colour, Curve, Plot, Ranges
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.types import Vector
@@ -43,27 +43,33 @@ _RECORDED = {
 }
 
 
-def bending_rows(run: SavedRun) -> Rows:
-    """Return the rows of the phase ``bend``, of the first sheet where several are bent (rows,)."""
-    rows = run["phase"] == run.phases.index("bend")
-    if "sheet" in run.table.column_names:
+def is_bending(run: RunRecord) -> NDArray[np.bool_]:
+    """Return which rows are of the phase ``bend`` (rows,); none where a task has no such phase."""
+    number = run.phases.index("bend") if "bend" in run.phases else -1
+    return np.asarray(run["phase"] == number)
+
+
+def bending_rows(run: RunRecord) -> Rows:
+    """Return the rows of the phase ``bend``, the first sheet's where there are several (rows,)."""
+    rows = is_bending(run)
+    if "sheet" in run.trace:
         rows &= np.nan_to_num(run["sheet"]) == 0
     return np.flatnonzero(rows)
 
 
-def recorded_moments(columns: Columns, side: str, rows: Rows | NDArray[np.bool_]) -> list[Curve]:
-    """Return raw, filtered and true moment on a side's gripper [mN m] over the angle [rad]."""
-    alpha = columns["nominal_alpha"][rows]
+def recorded_moments(run: RunRecord, rows: Rows | NDArray[np.bool_]) -> list[Curve]:
+    """Return raw, filtered and true moment at the sensing gripper [mN m] over the angle [rad]."""
+    alpha = run["nominal_alpha"][rows]
     return [
-        _curve(name, look, alpha, columns[f"{side}_{look.column}_moment_y"][rows])
+        _curve(name, look, alpha, run[f"{run.sensing_side}_{look.column}_moment_y"][rows])
         for name, look in _RECORDED.items()
     ]
 
 
-def moment_curves(run: SavedRun) -> list[Curve]:
+def moment_curves(run: RunRecord) -> list[Curve]:
     """Return the recorded moments and, unless the sheet may yield, the reference solution's."""
     predicted = [] if no_oracle(run.scenario) else [reference_on_path(run.scenario)]
-    return [*recorded_moments(run, run.sensing_side, bending_rows(run)), *predicted]
+    return [*recorded_moments(run, bending_rows(run)), *predicted]
 
 
 def reference_on_path(scenario: Scenario) -> Curve:
@@ -83,7 +89,7 @@ def reference_on_path(scenario: Scenario) -> Curve:
     return _curve("reference, nominal", _Look("", "green", 1.4, "dashed"), alphas, moment)
 
 
-def reference_at_ends(run: SavedRun) -> Curve:
+def reference_at_ends(run: RunRecord) -> Curve:
     """Return the rod's moment [mN m] on the sensing gripper between the sheet's recorded ends."""
     rows = bending_rows(run)
     chosen = rows[:: max(1, len(rows) // _POINTS)]

@@ -11,7 +11,7 @@ import numpy as np
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.report.plot import LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot, Range, Ranges, common
 from dualbend.report.section import Figure
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
 
 TIME = Axis("time", "s")
@@ -37,7 +37,7 @@ class Phase:
 class OverTime:
     """A run's plots over time."""
 
-    run: SavedRun
+    run: RunRecord
 
     @cached_property
     def range(self) -> Range:
@@ -95,8 +95,8 @@ def _span(values: Vector) -> str:
     return f"{finite.min():.3g} to {finite.max():.3g}" if finite.size else "none"
 
 
-def _phases(run: SavedRun) -> Iterator[Phase]:
-    several = "sheet" in run.table.column_names
+def _phases(run: RunRecord) -> Iterator[Phase]:
+    several = "sheet" in run.trace
     # A run that stops while it looks leaves its last row's columns unwritten.
     counts = [_held(run[name]) for name in ("attempt", "sheet")] if several else []
     table, time = np.stack([run["phase"], *counts]), run["time"]

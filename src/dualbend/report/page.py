@@ -8,7 +8,6 @@ from pathlib import Path
 
 from dualbend.errors import InputError
 from dualbend.evaluation.sheet import no_oracle
-from dualbend.report import assembly, bending
 from dualbend.report.bokeh import library, plots_data
 from dualbend.report.moment import (
     bending_rows,
@@ -17,6 +16,7 @@ from dualbend.report.moment import (
     moment_curves,
     moment_plot,
 )
+from dualbend.report.over_time import OverTime
 from dualbend.report.plot import Ranges, common
 from dualbend.report.section import Chapter, Figure, Panels, Section, Verdict
 from dualbend.report.sections.summary import arms_section, sheet_section
@@ -26,9 +26,11 @@ from dualbend.report.sections.tables import (
     origin_section,
     settings_section,
 )
+from dualbend.report.sections.time import phase_section, wrench_section
 from dualbend.report.template import asset, inside, markdown, render
 from dualbend.resources import limitations_file
-from dualbend.run.saved import SavedRun, load_run
+from dualbend.run.record import RunRecord
+from dualbend.run.saved import load_run
 
 PAPER_FIGURES = {"fig6": "Fig. 6", "fig8": "Fig. 8", "fig9": "Fig. 9"}
 """Shipped scenarios that are a figure of the paper."""
@@ -57,10 +59,10 @@ def write_report(folders: Sequence[Path], out: Path) -> None:
         raise InputError(f"--out {out}: cannot be written: {error.strerror or error}") from error
 
 
-def report(runs: Sequence[SavedRun]) -> str:
+def report(runs: Sequence[RunRecord]) -> str:
     """Return the page."""
     names = run_names(runs)
-    chapters = [_chapter(run, name) for run, name in zip(runs, names, strict=True)]
+    chapters = [chapter(run, name) for run, name in zip(runs, names, strict=True)]
     if len(runs) > 1:
         chapters.insert(0, Chapter("Side by side", [], _side_by_side(runs, names)))
     limitations = markdown(limitations_file().read_text(encoding="utf-8"))
@@ -86,7 +88,7 @@ def page_of(title: str, chapters: Sequence[Chapter]) -> str:
     )
 
 
-def run_names(runs: Sequence[SavedRun]) -> list[str]:
+def run_names(runs: Sequence[RunRecord]) -> list[str]:
     """Return the scenarios' names, with the folder where two runs have one name."""
     names = [run.scenario.name for run in runs]
     return [
@@ -95,31 +97,32 @@ def run_names(runs: Sequence[SavedRun]) -> list[str]:
     ]
 
 
-def _chapter(run: SavedRun, name: str) -> Chapter:
-    expected = run.summary.outcome in run.scenario.expect.outcome
-    verdict = Verdict(ended(run), expected, run.summary.seed)
+def chapter(run: RunRecord, name: str) -> Chapter:
+    """Return what the page says of one run."""
+    verdict = Verdict(ended(run), run.expected, run.summary.seed)
     found = [
-        *_sections_of_task(run),
+        *run.task.part("report")(run),
         *(sheet_section(run), arms_section(run), settings_section(run), origin_section(run)),
     ]
     sections = [section for section in found if section is not None]
     return Chapter(name, [run.scenario.description, verdict], sections)
 
 
-def _sections_of_task(run: SavedRun) -> list[Section | None]:
-    """Return the sections that a run's task has: the only place that asks which it is."""
-    sections_of = bending.sections_of if run.scenario.assembly is None else assembly.sections_of
-    return sections_of(run)
+def common_sections(run: RunRecord) -> list[Section | None]:
+    """Return the sections of a task that has none of its own."""
+    over_time = OverTime(run)
+    metrics = metrics_section([run], ["value"], "over all phases")
+    return [metrics, phase_section(over_time), wrench_section(over_time)]
 
 
-def _side_by_side(runs: Sequence[SavedRun], names: Sequence[str]) -> list[Section]:
+def _side_by_side(runs: Sequence[RunRecord], names: Sequence[str]) -> list[Section]:
     """Return the paper's figures on one scale and the metrics of all runs."""
     bent = [(run, name) for run, name in zip(runs, names, strict=True) if bending_rows(run).size]
     metrics = metrics_section(runs, names, "over the phases that each run's own table names")
     return [_moments(bent), metrics] if bent else [metrics]
 
 
-def _moments(bent: Sequence[tuple[SavedRun, str]]) -> Section:
+def _moments(bent: Sequence[tuple[RunRecord, str]]) -> Section:
     curves = [moment_curves(run) for run, _ in bent]
     every = [curve for of_run in curves for curve in of_run]
     ranges = Ranges(
@@ -147,7 +150,7 @@ def _moments(bent: Sequence[tuple[SavedRun, str]]) -> Section:
     return Section("Moment over bending angle", [words, Panels(figures)])
 
 
-def _by_piece(run: SavedRun) -> str:
+def _by_piece(run: RunRecord) -> str:
     metric = run.summary.metrics.get("peak_moment_by_piece")
     if metric is None or not isinstance(metric.value, list):
         return ""

@@ -11,7 +11,7 @@ from dualbend.beam.rod.planar import RodState
 from dualbend.evaluation.recorded_rod import recorded_rods
 from dualbend.evaluation.sheet import no_oracle
 from dualbend.report.moment import bending_rows
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
 
 SHAPES = 5
@@ -39,12 +39,12 @@ class Shape:
     off_rod_m: float
 
 
-def has_shape(run: SavedRun) -> bool:
+def has_shape(run: RunRecord) -> bool:
     """Tell whether the trace holds the bending angles; that of an early version does not."""
-    return "bend_000" in run.table.column_names
+    return "bend_000" in run.trace
 
 
-def sheet_points(run: SavedRun, row: int) -> tuple[Vector, Vector, Vector]:
+def sheet_points(run: RunRecord, row: int) -> tuple[Vector, Vector, Vector]:
     """Return arc lengths, x and z [m] of the flat pieces' ends (n + 2,), from the left edge on.
 
     Strips and plate alike bend at n places, (i + 1/2) L/n. θ grows by each one's angle;
@@ -63,7 +63,7 @@ def sheet_points(run: SavedRun, row: int) -> tuple[Vector, Vector, Vector]:
     return s, x, z
 
 
-def shapes(run: SavedRun) -> list[Shape]:
+def shapes(run: RunRecord) -> list[Shape]:
     """Return the sheet at angles evenly spaced up to the largest one that it was bent to."""
     rows = bending_rows(run)
     if not rows.size or not has_shape(run):
@@ -78,7 +78,7 @@ def shapes(run: SavedRun) -> list[Shape]:
     return [_shape(run, row, state) for row, state in zip(chosen.tolist(), states, strict=True)]
 
 
-def _shape(run: SavedRun, row: int, state: RodState | None) -> Shape:
+def _shape(run: RunRecord, row: int, state: RodState | None) -> Shape:
     slope = 0.5 * sum(float(run[f"{side}_edge_alpha"][row]) for side in SIDES)
     allowed = min(max(slope, 0.0), elastica.END_SLOPE_GRIPPERS_MEET)
     s, x, z = sheet_points(run, row)

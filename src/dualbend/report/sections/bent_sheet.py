@@ -20,7 +20,7 @@ from dualbend.report.moment import (
 from dualbend.report.plot import COLOURS, Axis, Curve, Plot
 from dualbend.report.section import Figure, Panels, Section
 from dualbend.report.shape import Shape, has_shape, shapes
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.scenario.path import make_path
 from dualbend.table import Column, Table
 
@@ -35,7 +35,7 @@ _SIMULATED = {
 _NOT_BENT = "The run ended before it bent the sheet."
 
 
-def moment_section(run: SavedRun) -> Section:
+def moment_section(run: RunRecord) -> Section:
     """Return the paper's figure of the run with the reference solution's moment."""
     title = "Moment over bending angle"
     if not bending_rows(run).size:
@@ -51,7 +51,7 @@ def moment_section(run: SavedRun) -> Section:
     return Section(title, [Figure(moment_plot(curves, knots_of(run.scenario)), caption, alt)])
 
 
-def path_section(run: SavedRun) -> Section:
+def path_section(run: RunRecord) -> Section:
     """Return half distance and height over the angle: exact, nominal with knots, recorded."""
     title, rows = "Path", bending_rows(run)
     if not rows.size:
@@ -101,7 +101,7 @@ def path_section(run: SavedRun) -> Section:
     return Section(title, [Panels(figures), Figure(difference, caption, alt)])
 
 
-def shape_section(run: SavedRun) -> Section:
+def shape_section(run: RunRecord) -> Section:
     """Return the sheet at several angles against the elastica, and the distances as a table."""
     title = "Shape of the sheet"
     if not has_shape(run):

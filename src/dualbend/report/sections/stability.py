@@ -9,7 +9,7 @@ from dualbend.report.moment import ANGLE
 from dualbend.report.plot import Axis, Colour, Curve, Plot
 from dualbend.report.section import Block, Figure, Panels, Section
 from dualbend.report.stability_map import stability_panel
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.map import Panel, stability_map
 from dualbend.stability.prediction import Prediction, predict
@@ -23,15 +23,15 @@ _ALONG: tuple[tuple[str, Axis, float, Colour, str], ...] = (
 )
 
 
-def stability_section(run: SavedRun) -> Section:
+def stability_section(run: RunRecord) -> Section:
     """Return the prediction of the sampled loop for a run's scenario; why, where there is none."""
     return Section("Stability of the compliance", _predicted(run))
 
 
-def _predicted(run: SavedRun) -> list[Block]:
-    if run.summary.controller:
+def _predicted(run: RunRecord) -> list[Block]:
+    if run.controller:
         return [
-            f"No prediction: the run's compliance was {run.summary.controller}, brought along from "
+            f"No prediction: the run's compliance was {run.controller}, brought along from "
             "Python, in place of the scenario's; its gains were not used."
         ]
     try:

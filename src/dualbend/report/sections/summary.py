@@ -7,11 +7,11 @@ import msgspec
 from dualbend.arm.joint_limits import ArmRoom
 from dualbend.evaluation.sheet import SheetReport
 from dualbend.report.section import Section
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.table import Column, Table
 
 
-def sheet_section(run: SavedRun) -> Section | None:
+def sheet_section(run: RunRecord) -> Section | None:
     """Return the sheet and each way to take its rigidity; None where the summary has no sheet."""
     if not run.summary.sheet:
         return None
@@ -56,7 +56,7 @@ def _rigidity(sheet: SheetReport) -> Table:
     return Table(columns, rows, caption)
 
 
-def arms_section(run: SavedRun) -> Section | None:
+def arms_section(run: RunRecord) -> Section | None:
     """Return the margins that both arms had; None where the summary does not say them."""
     if not run.summary.arms:
         return None

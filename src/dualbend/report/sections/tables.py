@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 from dualbend.report.section import Block, Details, Section
 from dualbend.report.sections.settings import Setting, settings_of
-from dualbend.run.saved import SavedMetric, SavedRun
+from dualbend.run.record import Metric, RunRecord
 from dualbend.table import Code, Column, Table, shown
 
 
-def metrics_section(runs: Sequence[SavedRun], names: Sequence[str], of: str) -> Section:
+def metrics_section(runs: Sequence[RunRecord], names: Sequence[str], of: str) -> Section:
     """Return the metrics, a column a run, the unit last; ``of``: over which phases they are."""
     known: dict[str, str] = {}
     for run in runs:
@@ -36,13 +36,13 @@ def _unbroken(unit: str) -> str:
     return unit.replace(" ", "\u00a0")
 
 
-def _value(metric: SavedMetric | None, unit: str) -> object:
+def _value(metric: Metric | None, unit: str) -> object:
     if metric is None or metric.unit == unit:
         return metric and metric.value
     return f"{shown(metric.value, missing='–')} {metric.unit}"
 
 
-def settings_section(run: SavedRun) -> Section:
+def settings_section(run: RunRecord) -> Section:
     """Return what is set otherwise than the defaults, and folded away, everything."""
     settings = settings_of(run.scenario)
     changed = [setting for setting in settings if setting.changed]
@@ -71,7 +71,7 @@ def _settings(caption: str, settings: Sequence[Setting]) -> Table:
     return Table([Column(name, right=name == "value") for name in names], rows, caption)
 
 
-def origin_section(run: SavedRun) -> Section:
+def origin_section(run: RunRecord) -> Section:
     """Return outcome, seed, versions and model of a run."""
     summary = run.summary
     made, here = summary.versions.get("dualbend"), importlib.metadata.version("dualbend")
@@ -81,7 +81,7 @@ def origin_section(run: SavedRun) -> Section:
         ("outcome", ended(run)),
         ("seed", summary.seed),
         ("controller", summary.controller or "the scenario's own"),
-        ("cycles", run.table.num_rows),
+        ("cycles", run.trace.rows),
         *summary.versions.items(),
     ]
     if run.model_sha256:
@@ -97,7 +97,7 @@ def origin_section(run: SavedRun) -> Section:
     return Section("Versions, seed and outcome", blocks)
 
 
-def ended(run: SavedRun) -> str:
+def ended(run: RunRecord) -> str:
     """Return how a run ended, and why where that is said."""
-    words = run.summary.outcome.replace("_", " ")
-    return f"{words}: {run.summary.reason}" if run.summary.reason else words
+    words = run.outcome.replace("_", " ")
+    return f"{words}: {run.reason}" if run.reason else words

@@ -7,7 +7,7 @@ import numpy as np
 from dualbend.report.over_time import TIME, OverTime, Phase
 from dualbend.report.plot import COLOURS, Axis, Bar, Plot, Ranges
 from dualbend.report.section import Figure, Panels, Section
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.table import Column, Table
 from dualbend.types import SIDES
 
@@ -125,13 +125,13 @@ def _counts(phase: Phase) -> list[tuple[str, int]]:
     return [(name, count + 1) for name, count in pairs if count is not None]
 
 
-def _phase_table(run: SavedRun, found: list[Phase]) -> Table:
+def _phase_table(run: RunRecord, found: list[Phase]) -> Table:
     peaks = [
         ("peak_moment_nm", 1e3, Column("peak moment", "mN m", right=True)),
         ("peak_force_n", 1.0, Column("peak force", "N", right=True)),
         ("peak_pin_force_n", 1.0, Column("peak pin force", "N", right=True)),
     ]
-    saved = run.summary.phases
+    saved = run.summary.tables.get("phases", [])
     columns = [Column("phase"), Column("from", "s", right=True), Column("takes", "s", right=True)]
     columns += [Column(name, right=True) for name, _ in _counts(found[0])]
     columns += [column for _, _, column in peaks] if saved else []

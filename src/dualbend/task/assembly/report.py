@@ -10,7 +10,7 @@ from dualbend.report.section import Block, Figure, Panels, Section
 from dualbend.report.sections.bent_sheet import moment_section, path_section, shape_section
 from dualbend.report.sections.tables import metrics_section
 from dualbend.report.sections.time import phase_section, wrench_section
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.scenario.assembly import AssemblyConfig
 from dualbend.scene.bed.config import HOLES
 from dualbend.table import Column, Table
@@ -23,7 +23,7 @@ _SMALLEST_MM = 1e-4
 """Below this a distance is drawn as this: a logarithm has no zero."""
 
 
-def sections_of(run: SavedRun) -> list[Section | None]:
+def sections_of(run: RunRecord) -> list[Section | None]:
     """Return the sections of an assembly; None where it has not what one would show."""
     over_time = OverTime(run)
     return [
@@ -69,7 +69,7 @@ def holes_section(over_time: OverTime) -> Section:
     return Section("Holes over pins", [Panels(figures), *_final(run, allowed)])
 
 
-def _config(run: SavedRun) -> AssemblyConfig:
+def _config(run: RunRecord) -> AssemblyConfig:
     assert run.scenario.assembly is not None
     return run.scenario.assembly
 
@@ -78,9 +78,9 @@ def _last(curves: list[Curve]) -> str:
     return ", ".join(f"{curve.name} {curve.y[-1]:.3g}" for curve in curves)
 
 
-def _final(run: SavedRun, allowed_mm: float) -> list[Block]:
+def _final(run: RunRecord, allowed_mm: float) -> list[Block]:
     """Return where the holes lie at the end, as a picture and as a table."""
-    holes = run.summary.holes
+    holes = run.summary.tables.get("holes", [])
     if not holes:
         return ["The run left no final places of its holes."]
     radius = 1e3 * allowed_mm
@@ -137,7 +137,7 @@ def pins_section(over_time: OverTime) -> Section:
     ]
     rows = [
         (_name(row.get("pin")), row.get("peak_force_n"), row.get("peak_edge_force_n"))
-        for row in over_time.run.summary.pins
+        for row in over_time.run.summary.tables.get("pins", [])
     ]
     columns = [
         *(Column("pin"), Column("peak force", "N", right=True)),

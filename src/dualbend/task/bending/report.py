@@ -13,10 +13,10 @@ from dualbend.report.sections.time import (
     phase_section,
     wrench_section,
 )
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 
 
-def sections_of(run: SavedRun) -> list[Section | None]:
+def sections_of(run: RunRecord) -> list[Section | None]:
     """Return the sections of a bending run; None where it has not what one would show."""
     over_time = OverTime(run)
     return [
