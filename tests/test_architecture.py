@@ -33,6 +33,7 @@ ROOMS = (
     "check",
     "validation",
     "cli",
+    "__main__",
 )
 """Each imports only from those before it."""
 HOMES = {
