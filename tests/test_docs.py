@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
 THEORY = sorted(DOCS.glob("theory-*.md"))
-WITH_EXAMPLES = ("tutorial", "results", "ci")
+WITH_EXAMPLES = ("tutorial", "results", "api", "ci")
 
 SHORT = (
     "path.end_rad=0.4",

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import dualbend
 from dualbend import BendingRun, Deviation, load_run, load_scenario, summary, write_results
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.errors import InputError
@@ -120,10 +119,3 @@ def test_a_table_that_does_not_suit_the_sheet_is_refused_when_it_is_read(
 ) -> None:
     with pytest.raises(InputError, match=rf"fig6\.toml with --set: {text}"):
         load_scenario("fig6", [f"path={{kind='table',table={table}}}"])
-
-
-def test_the_public_names_are_there_and_no_others() -> None:
-    for name in dualbend.__all__:
-        assert getattr(dualbend, name).__name__ == name
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        dualbend.nothing  # noqa: B018
