@@ -1,23 +1,14 @@
 """The programs of docs/examples run and do what their first lines say."""
 
-import importlib.util
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 
+from support.scripts import load_script
+
 EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
-
-
-def load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def own_path(found: dict[str, float]) -> None:
@@ -44,7 +35,7 @@ CHECKS: dict[str, Callable[[Any], None]] = {
 
 @pytest.mark.parametrize("name", CHECKS)
 def test_the_example_does_what_it_says(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    CHECKS[name](load(name).main())
+    CHECKS[name](load_script(EXAMPLES / f"{name}.py").main())
     assert capsys.readouterr().out
 
 
