@@ -1,4 +1,4 @@
-"""The material library as people and programs read it: text, Markdown, JSON."""
+"""The material library as text, Markdown and JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COLUMNS = (
 
 
 def overview(materials: Mapping[str, Material]) -> str:
-    """Return a line a material, with the letter of each number's grade."""
+    """Return one line per material, with the letter of each number's grade."""
     widths = [max(8, len(heading)) + 2 for _, heading, _ in _COLUMNS]
     name_width = max(len(name) for name in materials) + 2
     head = "".join(f"{h:>{w}}" for (_, h, _), w in zip(_COLUMNS, widths, strict=True))
@@ -63,7 +63,7 @@ def markdown(materials: Mapping[str, Material]) -> str:
 
 
 def as_json(materials: Mapping[str, Material]) -> str:
-    """Return the numbers with their evidence, an object a material."""
+    """Return the numbers with their evidence, one object per material."""
     return json.dumps({n: asdict(m) for n, m in materials.items()}, indent=2) + "\n"
 
 
