@@ -13,18 +13,18 @@ import mujoco
 import numpy as np
 from matplotlib.figure import Figure
 
-from dualbend import RunResult, load_scenario, make_run
+from dualbend import RunRecord, load_scenario, make_run
 
 mpl.use("Agg")
 FOLDER = Path(__file__).parent / "images"
 
 
-def run(name: str) -> RunResult:
+def run(name: str) -> RunRecord:
     """Run a shipped scenario."""
     return make_run(load_scenario(name)).run()
 
 
-def picture_of_cell(result: RunResult, alpha_rad: float, width: int, height: int) -> np.ndarray:
+def picture_of_cell(result: RunRecord, alpha_rad: float, width: int, height: int) -> np.ndarray:
     """Render the cell at the first cycle whose nominal angle is ``alpha_rad``."""
     row = int(np.searchsorted(result.trace["nominal_alpha"], alpha_rad))
     data = mujoco.MjData(result.model)

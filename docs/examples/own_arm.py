@@ -6,7 +6,7 @@ Run: python docs/examples/own_arm.py
 import sys
 from collections.abc import Sequence
 
-from dualbend import arm_pair, load_scenario, make_run, summary
+from dualbend import arm_pair, load_scenario, make_run
 
 ARM = "ur5"
 
@@ -22,7 +22,7 @@ def main(settings: Sequence[str] = ()) -> dict[str, float]:
         f"beside, {place.base_height_m:.3f} m up, turned by {place.base_yaw_rad:.3f} rad"
     )
     result = make_run(scenario).run()
-    peak = summary(result)["metrics"]["peak_moment"]["value"]
+    peak = result.metrics["peak_moment"].value
     print(f"{result.outcome}: peak moment {1e3 * peak:.1f} mN m")
     return {"distance_m": place.base_distance_m, "peak_moment_nm": peak}
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dualbend import COMMAND_PERIOD_S, BendingRun, Deviation, Scenario, load_scenario, summary
+from dualbend import COMMAND_PERIOD_S, Deviation, Scenario, load_scenario, make_run
 
 
 class DeadBandRotation:
@@ -52,12 +52,12 @@ def main(settings: Sequence[str] = ()) -> dict[str, float]:
     """Run `fig6` without and with the compliance; print and return the peak moments [N m]."""
     scenario = load_scenario("fig6", settings)
     runs = {
-        "without": BendingRun(scenario),
-        "with": BendingRun(scenario, compliance=DeadBandRotation),
+        "without": make_run(scenario),
+        "with": make_run(scenario, compliance=DeadBandRotation),
     }
     peaks = {}
     for name, run in runs.items():
-        peaks[name] = summary(run.run())["metrics"]["peak_moment"]["value"]
+        peaks[name] = run.run().metrics["peak_moment"].value
         print(f"{name:8}{1e3 * peaks[name]:6.1f} mN m")
     return peaks
 

@@ -23,34 +23,33 @@ if TYPE_CHECKING:
     from dualbend.control.compliance.admittance import Deviation
     from dualbend.control.compliance.object import critical_rate
     from dualbend.errors import InputError
-    from dualbend.evaluation.metrics import summary
     from dualbend.planning.plan import plan_assembly
+    from dualbend.registry import TASKS, Task
     from dualbend.report.results import write_results
     from dualbend.run.arms import arm_pair
-    from dualbend.run.loop import RunResult
     from dualbend.run.make import make_run
-    from dualbend.run.saved import SavedRun, load_run
+    from dualbend.run.record import RunRecord
+    from dualbend.run.saved import load_run
     from dualbend.scenario.load import list_scenarios, load_scenario
     from dualbend.scenario.scenario import Scenario
     from dualbend.stability.prediction import predict
     from dualbend.stability.sampled import LoopElements
-    from dualbend.task.bending.run import BendingRun
 
 __all__ = [
     "COMMAND_PERIOD_S",
+    "TASKS",
     "ApproximatePath",
     "BendingPath",
-    "BendingRun",
     "Deviation",
     "ExactPath",
     "InputError",
     "LoopElements",
     "PiecewiseLinearPath",
-    "RunResult",
-    "SavedRun",
+    "RunRecord",
     "Scenario",
     "Sheet",
     "TablePath",
+    "Task",
     "arm_pair",
     "critical_rate",
     "elastica",
@@ -62,26 +61,25 @@ __all__ = [
     "predict",
     "solve_planar",
     "solve_symmetric",
-    "summary",
     "worst_moment",
     "write_results",
 ]
 
 _HOMES = {
     "COMMAND_PERIOD_S": "control.clock",
+    "TASKS": "registry",
     "ApproximatePath": "beam.path",
     "BendingPath": "beam.path",
-    "BendingRun": "task.bending.run",
     "Deviation": "control.compliance.admittance",
     "ExactPath": "beam.path",
     "InputError": "errors",
     "LoopElements": "stability.sampled",
     "PiecewiseLinearPath": "beam.path",
-    "RunResult": "run.loop",
-    "SavedRun": "run.saved",
+    "RunRecord": "run.record",
     "Scenario": "scenario.scenario",
     "Sheet": "beam.sheet",
     "TablePath": "beam.path",
+    "Task": "registry",
     "arm_pair": "run.arms",
     "critical_rate": "control.compliance.object",
     "elastica": "beam.elastica",
@@ -93,7 +91,6 @@ _HOMES = {
     "predict": "stability.prediction",
     "solve_planar": "beam.rod.planar",
     "solve_symmetric": "beam.rod.planar",
-    "summary": "evaluation.metrics",
     "worst_moment": "beam.rod.path_moment",
     "write_results": "report.results",
 }
