@@ -41,6 +41,7 @@ HOMES = {
     "matplotlib": ("report/figures", "study/"),
     "bokeh": "report/plots.py",
     "contourpy": "report/plots.py",
+    "trimesh": "arm/meshes.py",
 }
 NO_MUJOCO = ("beam", "control", "planning")
 PENDING = {

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from dualbend.arm.joint_limits import arm_room
+from dualbend.arm.joint_limits import joint_limit_margins
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.assembly import hole_table, middle_spacing, phase_table, pin_table, seated
 from dualbend.evaluation.sheet import sheet_report
@@ -270,7 +270,9 @@ def summary(result: RunResult) -> dict[str, Any]:
         "versions": versions(),
         "sheet": msgspec.to_builtins(sheet_report(result.scenario)),
         "metrics": {name: msgspec.to_builtins(metric) for name, metric in metrics.items()},
-        "arms": msgspec.to_builtins(arm_room(arm_pair(result.scenario), result.trace.setpoints)),
+        "arms": msgspec.to_builtins(
+            joint_limit_margins(arm_pair(result.scenario), result.trace.setpoints)
+        ),
         **tables,
     }
 

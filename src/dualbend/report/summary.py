@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from dualbend.arm.joint_limits import ArmRoom
+from dualbend.arm.joint_limits import JointLimitMargins
 from dualbend.evaluation.sheet import SheetReport
 from dualbend.report.html import Html, join, table
 from dualbend.report.parts import Section, note, number
@@ -58,12 +58,12 @@ def arms_section(run: SavedRun) -> Section | None:
     if not run.summary.arms:
         return None
     try:
-        arms = msgspec.convert(run.summary.arms, dict[str, ArmRoom])
+        arms = msgspec.convert(run.summary.arms, dict[str, JointLimitMargins])
     except msgspec.ValidationError as error:
         return Section(title="Arms", body=note(f"The summary's arms are not readable: {error}"))
     head = ("side", "arm", "smallest manipulability [–]", "nearest limit [degrees]", "of joint")
     rows = [
-        (side, room.arm, number(room.manipulability), number(room.room_deg), room.joint or "–")
+        (side, room.arm, number(room.manipulability), number(room.margin_deg), room.joint or "–")
         for side, room in arms.items()
     ]
     caption = (
