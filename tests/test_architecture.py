@@ -45,6 +45,7 @@ HOMES = {
     "contourpy": "report/stability_map.py",
     "jinja2": "report/template.py",
     "markdown_it": "report/template.py",
+    "trimesh": "arm/meshes.py",
 }
 NO_MUJOCO = ("beam", "control", "planning")
 PENDING = {
