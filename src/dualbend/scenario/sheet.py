@@ -26,10 +26,7 @@ MATERIAL_KEYS = ("material", "layers", *_NUMBERS)
 def check_sheet(config: SheetConfig) -> None:
     """Raise ValueError where the keys contradict, or make no thin sheet that stays flat."""
     _refuse_contradictions(config)
-    try:
-        thickness = make_sheet(config).thickness_m
-    except InputError as error:
-        raise ValueError(str(error)) from error
+    thickness = make_sheet(config).thickness_m
     _refuse_shell(config)
     if thickness > 0.05 * min(config.length_m, config.width_m):
         raise ValueError(

@@ -171,7 +171,7 @@ def _scenario_tables(scenario: str, file: Path) -> dict[str, Any]:
     try:
         named = str(file.parent / scenario) if scenario.endswith(".toml") else scenario
         return read_scenario(named)
-    except (InputError, ValueError) as error:
+    except ValueError as error:
         raise InputError(f"{file.name}: scenario = {scenario!r}: {error}") from error
 
 
