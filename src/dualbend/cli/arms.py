@@ -19,7 +19,7 @@ from dualbend.cli.common import SETTINGS, complete_scenarios, examples
 )
 @SETTINGS
 def arms(as_json: bool, markdown: bool, scenario: str | None, settings: tuple[str, ...]) -> None:
-    """List the arms that arm.model may name.
+    """List the arms that robot.model may name.
 
     With --for, each is tried in a scenario: base, manipulability and room to the joints' limits.
     """

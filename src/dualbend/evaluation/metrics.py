@@ -21,7 +21,6 @@ from dualbend.run.arms import arm_pair
 from dualbend.run.loop import RunResult
 from dualbend.run.permanent_set import permanent_curvature
 from dualbend.scenario.motion import PHASES
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.types import SIDES, Vector
 
@@ -68,7 +67,7 @@ def sensing_column(result: RunResult, name: str) -> Vector:
 
 def first_sensing_side(result: RunResult) -> str:
     """Return the sensing arm that the summary speaks of: the left one where both sense."""
-    return next(side for side in SIDES if side in result.scenario.arms.sensing)
+    return next(side for side in SIDES if side in result.scenario.compliance.sensing)
 
 
 def compute_metrics(result: RunResult) -> dict[str, Metric]:
@@ -131,7 +130,7 @@ def peak_by_piece(result: RunResult) -> list[float]:
     the end of the moment of the one before. NaN for a piece that is shorter than a cycle.
     """
     scenario, rows = result.scenario, bending_rows(result)
-    knots = make_path(scenario.path, scenario.sheet.length_m).knots
+    knots = scenario.path.make(scenario.sheet.length_m).knots
     alpha = result.trace["nominal_alpha"][rows]
     moment = np.abs(sensing_column(result, "true_moment_y")[rows])
     piece = np.clip(np.searchsorted(knots, alpha, side="right") - 1, 0, len(knots) - 2)
@@ -143,7 +142,7 @@ def peak_by_piece(result: RunResult) -> list[float]:
 def surface_strain(result: RunResult) -> Vector:
     """Return the largest surface strain of each row, ε = |Δθ| t / (2 h) (rows,)."""
     config, sheet = result.scenario.sheet, result.scenario.sheet.sheet()
-    spacing = sheet.length_m / config.sections
+    spacing = sheet.length_m / config.model.sections
     curvature = np.abs(result.trace.bends).max(axis=1, initial=0.0) / spacing
     return np.asarray(curvature * sheet.thickness_m / 2.0)
 
@@ -155,8 +154,8 @@ def permanent_set(result: RunResult) -> dict[str, Metric]:
     if not kept.size:
         return {name: Metric(None, unit) for name, unit in _SET_UNITS.items()}
     last = np.abs(kept[-1])
-    strained = np.abs(result.trace.bends).max(axis=0) * sheet.strips.hinges / sheet.length_m
-    slope = float(abs(kept[-1].sum())) * sheet.length_m / sheet.strips.hinges / 2.0
+    strained = np.abs(result.trace.bends).max(axis=0) * sheet.model.sections / sheet.length_m
+    slope = float(abs(kept[-1].sum())) * sheet.length_m / sheet.model.sections / 2.0
     numbers = (float(last.max()), slope, float(strained[np.argmax(last)]))
     return {
         name: Metric(_finite(number), unit)

@@ -102,7 +102,7 @@ def _scenes(result: RunResult) -> list[rrb.Spatial3DView]:
 
 def _gripper(result: RunResult) -> rrb.Spatial3DView:
     """Return the close-up of the gripper that senses, from a camera that moves with it."""
-    side = next(side for side in SIDES if side in result.scenario.arms.sensing)
+    side = next(side for side in SIDES if side in result.scenario.compliance.sensing)
     front = -1.0 if side == "left" else 1.0
     return _view(
         f"{side.capitalize()} gripper, close up",

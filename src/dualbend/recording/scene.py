@@ -23,7 +23,7 @@ from dualbend.run.loop import RunResult
 from dualbend.run.permanent_set import hinge_moments
 from dualbend.run.trace import Trace
 from dualbend.scene.bed.config import HOLES
-from dualbend.scene.sheet.shell import vertex_body
+from dualbend.scene.sheet.shell import ShellConfig, vertex_body
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, strip_body
 from dualbend.types import SIDES, Vector
 
@@ -285,8 +285,9 @@ def _triangles(lines: int) -> NDArray[np.intp]:
 
 def _ribbon(result: RunResult, motion: _Motion) -> Vector:
     """Return the sheet's two long edges, one after the other (rows, 2 (hinges + 2), 3)."""
-    if result.scenario.sheet.model == "shell":
-        return _shell_ribbon(result, motion)
+    config = result.scenario.sheet.model
+    if isinstance(config, ShellConfig):
+        return _shell_ribbon(result, config, motion)
     hinges = result.trace.bends.shape[1]
     strips = [result.model.body(strip_body(i)).id for i in range(hinges + 1)]
     # The middle strip's frame is at its centre, that of every other at its hinge.
@@ -299,9 +300,8 @@ def _ribbon(result: RunResult, motion: _Motion) -> Vector:
     return np.concatenate((places - across, places + across), axis=1)
 
 
-def _shell_ribbon(result: RunResult, motion: _Motion) -> Vector:
+def _shell_ribbon(result: RunResult, shell: ShellConfig, motion: _Motion) -> Vector:
     """Return the same of a plate; the columns that the grips hold are on the way to the next."""
-    shell = result.scenario.sheet.shell
     edges = []
     for row in (0, shell.cells_across + 1):
         free = [result.model.body(vertex_body(i, row)).id for i in range(2, shell.cells_along)]
@@ -363,7 +363,7 @@ def _ways(
         there = sent = np.zeros((trace.rows, 4))
     else:
         there = places(trace)
-        sent = carried(trace, there, result.scenario.alter.delay_cycles)
+        sent = carried(trace, there, result.scenario.robot.alter.delay_cycles)
     height = trace["nominal_z"] - there[:, 2]
     nominal = (-trace["nominal_half_distance"], height, trace["nominal_alpha"])
     return _carry(there, nominal, sign), _carry(sent, (x, z, alpha), sign)

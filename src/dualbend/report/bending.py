@@ -33,7 +33,6 @@ from dualbend.report.plots import (
     Ranges,
 )
 from dualbend.run.saved import SavedRun
-from dualbend.scenario.path import make_path
 
 ANGLE = Axis(label="bending angle α", unit="rad")
 MOMENT = Axis(label="moment", unit="mN m")
@@ -59,7 +58,7 @@ _NOT_BENT = "The run ended before it bent the sheet."
 
 def knots_of(run: SavedRun) -> list[float]:
     """Return the end slopes where the pieces of the run's path meet [rad]."""
-    knots: list[float] = make_path(run.scenario.path, run.scenario.sheet.length_m).knots.tolist()
+    knots: list[float] = run.scenario.path.make(run.scenario.sheet.length_m).knots.tolist()
     return knots
 
 
@@ -113,7 +112,7 @@ def path_section(run: SavedRun, pictures: Pictures) -> Section:
     if not rows.size:
         return Section(title=title, body=note(_NOT_BENT))
     length, knots = run.scenario.sheet.length_m, np.array(knots_of(run))
-    path = make_path(run.scenario.path, length)
+    path = run.scenario.path.make(length)
     grid = np.union1d(np.linspace(knots[0], knots[-1], 200), knots)
     exact = np.stack([elastica.half_distance(grid, length), elastica.rise(grid, length)])
     nominal = np.stack(path.at(grid))
@@ -180,7 +179,7 @@ def shape_section(run: SavedRun, pictures: Pictures) -> Section:
             Curve(name=name, x=1e3 * shape.x_m, y=1e3 * shape.z_m, colour=colour, width=1.6),
         ]
     axes = (Axis(label="x", unit="mm"), Axis(label="z from the ends", unit="mm"))
-    model = _SIMULATED[run.scenario.sheet.model]
+    model = _SIMULATED[run.scenario.sheet.model.kind]
     caption = (
         f"Side view, x and z not on one scale. Coloured: {model}; broad and grey: the "
         "zero-moment elastica of the sheet's own end slope. The arms lag behind the nominal angle, "

@@ -14,7 +14,6 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.recorded_rod import recorded_rods
 from dualbend.evaluation.sheet import no_oracle
 from dualbend.run.saved import SavedRun
-from dualbend.scenario.path import make_path
 from dualbend.types import SIDES, Vector
 
 Rows = NDArray[np.intp]
@@ -96,7 +95,7 @@ def nominal_lines(run: SavedRun) -> list[Line]:
 def oracle_on_path(run: SavedRun) -> Line:
     """Return the oracle's moment [mN m] on grippers that follow the nominal path exactly."""
     scenario = run.scenario
-    sheet, path = scenario.sheet.sheet(), make_path(scenario.path, scenario.sheet.length_m)
+    sheet, path = scenario.sheet.sheet(), scenario.path.make(scenario.sheet.length_m)
     start = max(float(path.knots[0]), _FIRST_RAD)
     grid = np.linspace(start, float(path.knots[-1]), _ORACLE_POINTS)
     alphas = np.union1d(grid, path.knots[path.knots > start])
@@ -141,7 +140,7 @@ def sheet_points(run: SavedRun, row: int) -> tuple[Vector, Vector, Vector]:
     Strips and plate alike bend at n places, (i + 1/2) L/n. θ grows by each one's angle;
     x' = cos θ, z' = −sin θ, in the planar frame of the rod.
     """
-    sections, length = run.scenario.sheet.sections, run.scenario.sheet.length_m
+    sections, length = run.scenario.sheet.model.sections, run.scenario.sheet.length_m
     bends = [float(run[f"bend_{i:03d}"][row]) for i in range(sections)]
     start = [float(run[f"left_edge_{part}"][row]) for part in ("x", "z", "alpha")]
     theta = start[2] + np.concatenate([[0.0], np.cumsum(bends)])

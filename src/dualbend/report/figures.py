@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import bending_rows, first_sensing_side
 from dualbend.run.loop import RunResult
-from dualbend.scenario.path import make_path
 from dualbend.stability.map import Panel
 
 
@@ -34,7 +33,7 @@ def plot_moment(result: RunResult, path: Path) -> None:
         moment = 1e3 * trace[f"{side}_{name}_moment_y"][rows]
         axes.plot(alpha, moment, label=name, color=colour, linewidth=width)
     scenario = result.scenario
-    for knot in make_path(scenario.path, scenario.sheet.length_m).knots:
+    for knot in scenario.path.make(scenario.sheet.length_m).knots:
         axes.axvline(float(knot), color="0.85", linewidth=0.8, zorder=0)
     axes.axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
     axes.set_xlabel("bending angle α, nominal [rad]")

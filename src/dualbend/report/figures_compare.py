@@ -13,7 +13,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dualbend.run.saved import SavedRun
-from dualbend.scenario.path import make_path
 
 _LOOKS = (("tab:blue", 2.8), ("tab:orange", 1.4))
 """Colour and width: where both are equal, the second is seen on the first."""
@@ -55,5 +54,5 @@ def _plot_one(axes: Axes, run: SavedRun, label: str, colour: str, width: float) 
 
 
 def _knots(run: SavedRun) -> list[float]:
-    knots: list[float] = make_path(run.scenario.path, run.scenario.sheet.length_m).knots.tolist()
+    knots: list[float] = run.scenario.path.make(run.scenario.sheet.length_m).knots.tolist()
     return knots

@@ -80,7 +80,7 @@ class SavedRun:
     @property
     def sensing_side(self) -> str:
         """The arm that the summary speaks of: the left one where both sense."""
-        return next(side for side in SIDES if side in self.scenario.arms.sensing)
+        return next(side for side in SIDES if side in self.scenario.compliance.sensing)
 
     @property
     def model_sha256(self) -> str:

@@ -33,7 +33,7 @@ def show_laid(model: mujoco.MjModel, data: mujoco.MjData, result: RunResult, row
             return
         data.qpos[:] = result.trace.qpos[supplied - 1]
         mujoco.mj_kinematics(model, data)
-        for i in range(result.scenario.sheet.strips.hinges + 1):
+        for i in range(result.scenario.sheet.model.sections + 1):
             mocap = model.body_mocapid[model.body(laid_body(number, i)).id]
             strip = model.body(strip_body(i)).id
             # A strip's centre of mass is its plate's middle.

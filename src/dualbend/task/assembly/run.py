@@ -26,7 +26,6 @@ from dualbend.run.cell import RobotCell
 from dualbend.run.loop import Cycle, Run
 from dualbend.run.outcome import TaskStopped
 from dualbend.scenario.assembly import ErrorsConfig
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.scene.bed.pin_contacts import PinContacts
@@ -75,9 +74,9 @@ def assembly_plan(scenario: Scenario) -> AssemblyPlan:
     source = f"scenario {scenario.name!r}"
     if config is None:
         raise InputError(f"{source}: no section [assembly]: there is nothing to plan")
-    if config.compliance is not None and len(scenario.arms.sensing) < len(SIDES):
+    if config.compliance is not None and len(scenario.compliance.sensing) < len(SIDES):
         raise InputError(
-            f"{source}: arms.sensing = {list(scenario.arms.sensing)}: "
+            f"{source}: compliance.sensing = {list(scenario.compliance.sensing)}: "
             f"assembly.compliance needs the net force of both arms, {list(SIDES)}"
         )
     strain = scenario.limit_strain
@@ -114,7 +113,7 @@ class AssemblyRun(Run):
         self.scenario = scenario
         assert scenario.assembly is not None
         self.config, sheet = scenario.assembly, scenario.sheet.sheet()
-        self._path = make_path(scenario.path, sheet.length_m)
+        self._path = scenario.path.make(sheet.length_m)
         self._believed = sheet
         limit = scenario.limit_strain
         assert limit is not None  # an assembly has one
@@ -202,7 +201,7 @@ class AssemblyRun(Run):
         """Put the arms beside the stand, jaws open, and a sheet upon it."""
         cell = self.cell
         cell.response.reset(cell.home)
-        flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
+        flat = np.zeros(self.scenario.sheet.model.sections + 1)
         sample = cell.simulation.reset(
             cell.home, self.config.jaw_opening_m, flat, *self._on_the_stand()
         )
@@ -220,7 +219,7 @@ class AssemblyRun(Run):
     def _supply(self) -> None:
         """Leave the laid sheet where it is and put the next one on the stand."""
         self.pins.lay(len(self.laid) - 1)
-        flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
+        flat = np.zeros(self.scenario.sheet.model.sections + 1)
         self.cell.simulation.put_sheet(flat, *self._on_the_stand())
 
     def _rate(self, compliance: ObjectComplianceConfig) -> float:
@@ -228,7 +227,7 @@ class AssemblyRun(Run):
         scenario, step_s = self.scenario, self.scenario.physics.step_s
         elements = [
             LowPass(scenario.filter).transfer_function(),
-            TransportDelay(scenario.alter.delay_cycles, 1).transfer_function(),
+            TransportDelay(scenario.robot.alter.delay_cycles, 1).transfer_function(),
             self.cell.response.transfer_function(),
         ]
         age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
@@ -256,7 +255,7 @@ class AssemblyRun(Run):
         admittance = (
             None if compliance is None else ObjectAdmittance(compliance, BENDS, self._mobility)
         )
-        delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
+        delay = TransportDelay(self.scenario.robot.alter.delay_cycles, 3)
         task = self._make_task()
         steps = task.steps()
         goal = next(steps)
@@ -335,7 +334,7 @@ class AssemblyRun(Run):
 
     def _surface_strain(self) -> float:
         """Return the largest surface strain, ε = |Δθ| t / (2 h)."""
-        sheet, hinges = self.cell.sheet, self.scenario.sheet.strips.hinges
+        sheet, hinges = self.cell.sheet, self.scenario.sheet.model.sections
         curvature = np.abs(self.cell.simulation.bending_angles).max() * hinges / sheet.length_m
         return float(0.5 * sheet.thickness_m * curvature)
 
