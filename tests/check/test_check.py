@@ -39,7 +39,7 @@ hold_s = 0.1
 MUTATIONS = {
     "modulus": "[sheet]\nyoung_pa = 73.815e9\n",  # 5 % more
     "damping": "[compliance]\nx = { b = 7.35 }\nrotation = { b = 0.525 }\n",  # 5 % more
-    "delay": "[alter]\ndelay_cycles = 3\n",  # one cycle more
+    "delay": "[robot.alter]\ndelay_cycles = 3\n",  # one cycle more
     "fir": "[filter]\ntaps = 3\n",  # one tap more
     "untouched": "",
 }

@@ -24,7 +24,7 @@ from dualbend.types import SIDES
 
 Array = NDArray[np.float64]
 JOINTS = scene_joints(6)
-SCENARIO = load_scenario("fig6", ["sheet.strips.hinges=10"])
+SCENARIO = load_scenario("fig6", ["sheet.model.hinges=10"])
 GRASP, STRIPS = SCENARIO.grasp, SCENARIO.sheet.strips
 SHEET = SCENARIO.sheet.sheet()
 WEIGHT_N = SHEET.weight_per_length_n_per_m * SHEET.length_m
@@ -482,7 +482,7 @@ def test_the_same_cell_twice_is_the_same_model(bent: Cell) -> None:
 
 @pytest.mark.parametrize("hinges", [4, 40])
 def test_the_number_of_strips_is_free(hinges: int) -> None:
-    scenario = load_scenario("fig6", [f"sheet.strips.hinges={hinges}"])
+    scenario = load_scenario("fig6", [f"sheet.model.hinges={hinges}"])
     cell = Cell(0.3, scenario)
     assert scenario.sheet.strips == StripConfig(hinges=hinges)
     seen = cell.hold(cell.simulation(), 5)

@@ -91,9 +91,9 @@ def test_a_ray_scales_the_loop_and_the_onset_is_on_the_unit_circle() -> None:
 
 def test_two_sensing_arms_are_looked_at_as_they_are_disturbed() -> None:
     both = load_scenario(
-        "fig9", ['arms.complying=["left","right"]', 'arms.sensing=["left","right"]']
+        "fig9", ['compliance.complying=["left","right"]', 'compliance.sensing=["left","right"]']
     )
-    led = load_scenario("fig9", ['arms.complying=["left","right"]'])
+    led = load_scenario("fig9", ['compliance.complying=["left","right"]'])
     onsets = [RayLoop(s, "rotation", 0.5, 80.0).predict().sampled for s in (both, led)]
     # Analytic: alike, both arms move as one that the other mirrors.
     assert onsets[0] == pytest.approx(onsets[1], rel=1e-6)
@@ -120,7 +120,7 @@ def test_a_held_scenario_rests_at_its_angle_without_noise() -> None:
     assert found.compliance.tare
     assert found.sensor.force_noise_n == 0.0
     # What is not about motion, noise and this axis is the scenario's own.
-    assert (found.servo, found.filter, found.alter) == (FIG9.servo, FIG9.filter, FIG9.alter)
+    assert (found.robot, found.filter) == (FIG9.robot, FIG9.filter)
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_a_scenario_without_the_axis_is_refused() -> None:
     with pytest.raises(InputError, match=r"compliance\.x is off"):
         confront(load_scenario("fig6"))
     with pytest.raises(InputError, match="no compliance"):
-        confront(load_scenario("fig9", ["arms.complying=[]"]))
+        confront(load_scenario("fig9", ["compliance.complying=[]"]))
     with pytest.raises(InputError, match=r"compliance\.x\.k = -1\.0: must be positive"):
         held(FIG9, "x", 0.5, (0.2, -1.0))
     with pytest.raises(InputError, match="filters: none given"):
@@ -196,7 +196,7 @@ def test_what_is_found_is_kept_and_not_done_again(
     assert done == [5.0, 80.0, 80.0]
     assert [case.ratio_per_s for case in found.cases] == [5.0, 80.0]
     # Another scenario is another case.
-    confront(load_scenario("fig9", ["alter.delay_cycles=3"]), **given, folder=tmp_path)  # type: ignore[arg-type]
+    confront(load_scenario("fig9", ["robot.alter.delay_cycles=3"]), **given, folder=tmp_path)  # type: ignore[arg-type]
     assert len(done) == 5
     (tmp_path / RESULTS).write_text("{", encoding="utf-8")
     confront(FIG9, **given, folder=tmp_path)  # type: ignore[arg-type]

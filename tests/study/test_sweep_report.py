@@ -74,20 +74,22 @@ def test_the_table_is_tidy(tmp_path: Path) -> None:
 def test_keys_of_every_kind_have_a_column(tmp_path: Path) -> None:
     """Analytic: numbers, truth and words as they are, the rest as JSON that reads back."""
     values = {
-        "alter.mode": ["world", "tool"],
+        "robot.alter.mode": ["world", "tool"],
         "compliance.tare": [True, False],
-        "alter.delay_cycles": [1, 2],
+        "robot.alter.delay_cycles": [1, 2],
         "compliance.predictor": ["none", {"lead_x_s": 0.01}],
-        "arms.complying": [["left"], ["left", "right"]],
+        "compliance.complying": [["left"], ["left", "right"]],
         "sheet.young_pa": [70_000_000_000, 7e10],
     }
     keys = {name: {"values": two} for name, two in values.items()}
-    sweep, design = load(tmp_path, sample={"kind": "list"}, keys=keys)
+    sweep, design = load(
+        tmp_path, sample={"kind": "list"}, keys=keys, set={"compliance.kind": "model"}
+    )
     rows = [RunRow(index=i, outcome="completed") for i in range(2)]
     found = make_table(sweep, design, rows).to_pylist()
     for name, two in values.items():
         got = [row[name] for row in found]
-        as_json = name in ("compliance.predictor", "arms.complying")
+        as_json = name in ("compliance.predictor", "compliance.complying")
         assert (list(map(json.loads, got)) if as_json else got) == two
 
 

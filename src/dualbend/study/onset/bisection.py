@@ -108,8 +108,8 @@ def _tasks(
         for value in numbers:
             if not 0.0 < value < math.inf:
                 raise InputError(f"{name}: {value!r} must be positive and finite")
-    if not scenario.arms.complying:
-        raise InputError("arms.complying = []: no compliance, nothing to confront")
+    if not scenario.compliance.complying:
+        raise InputError("compliance.complying = []: no compliance, nothing to confront")
     tasks = [
         _Task(
             scenario=scenario,

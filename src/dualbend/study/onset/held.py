@@ -16,11 +16,11 @@ import mujoco
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import AdmittanceConfig, AxisConfig
+from dualbend.control.compliance.admittance import AxisConfig
 from dualbend.control.servo import JointServo
 from dualbend.errors import InputError
 from dualbend.scenario.motion import MotionConfig
-from dualbend.scenario.path import PathConfig
+from dualbend.scenario.path import ExactPathConfig
 from dualbend.scenario.scenario import Scenario
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Vector
@@ -83,15 +83,15 @@ def held(
     moved: AxisConfig = msgspec.structs.replace(
         given, b=b, k=k, from_alpha_rad=alpha_rad - step / 2.0
     )
-    compliance: AdmittanceConfig = msgspec.structs.replace(
+    compliance = msgspec.structs.replace(
         scenario.compliance,
         x=moved if axis == "x" else None,
         rotation=moved if axis == "rotation" else None,
         tare=True,
     )
     try:
-        path = PathConfig(kind="exact", start_rad=alpha_rad - step, end_rad=alpha_rad)
-    except ValueError as error:
+        path = ExactPathConfig(start_rad=alpha_rad - step, end_rad=alpha_rad)
+    except InputError as error:
         raise InputError(f"angle {alpha_rad!r}: {error}") from error
     return msgspec.structs.replace(
         scenario,
@@ -118,7 +118,7 @@ def oscillate(scenario: Scenario, axis: SingleAxis, *, friction: bool = True) ->
         without_friction(ready)
     trace = ready.run().trace
     name = "x" if axis == "x" else "alpha"
-    side = next(side for side in SIDES if side in scenario.arms.complying)
+    side = next(side for side in SIDES if side in scenario.compliance.complying)
     limit = scenario.compliance.limit_x_m if axis == "x" else scenario.compliance.limit_rotation_rad
     first = math.ceil((SETTLE_S + _TRANSIENT_S) / COMMAND_PERIOD_S)
     cycles = ready.motion.cycles
@@ -174,5 +174,5 @@ def without_friction(ready: BendingRun) -> None:
         inertia=servo.setpoint(nothing, nothing, nothing + 1.0) * servo.stiffness,
         viscous_friction=robots.dof_damping.copy().ravel(),
         coulomb_friction=nothing,
-        damping_ratio=ready.scenario.servo.damping_ratio,
+        damping_ratio=ready.scenario.robot.servo.damping_ratio,
     )

@@ -72,7 +72,7 @@ def write_table(table: pa.Table, folder: Path) -> None:
 def key_unit(name: str) -> str:
     """Return a key's unit, "" where it has none."""
     found = known_keys().get(name)
-    return "" if found is None else found[0].unit.removeprefix("-")
+    return "" if found is None else found.unit.removeprefix("-")
 
 
 def unit_of(table: pa.Table, name: str) -> str:
