@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable, Sequence
 
 import msgspec
@@ -11,18 +10,14 @@ import msgspec
 from dualbend.check.baseline import CRASHED, REFUSED, EndedAs
 from dualbend.errors import InputError
 from dualbend.evaluation.fingerprint import model_fingerprint
-from dualbend.evaluation.metrics import (
-    WALL_CLOCK,
-    Metric,
-    assembly_metrics,
-    compute_metrics,
-    versions,
-)
+from dualbend.evaluation.metrics import Metric, versions
 from dualbend.evaluation.peaks import Place, last_place, peak_places
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
-from dualbend.study.engine import WorkerDiedError, in_processes
+from dualbend.study.ending import metrics_of, outcome_of, result_of
+from dualbend.study.engine import Study
+from dualbend.study.processes import in_processes
 
 _NOT_OF_A_RESULT = ("rerun-sdk",)
 
@@ -67,25 +62,22 @@ def measure(source: str) -> Measured:
     )
     try:
         return _measure_run(scenario, measured)
-    except InputError as refusal:
-        return msgspec.structs.replace(measured, reason=str(refusal))
-    except Exception as fault:
-        reason = f"{type(fault).__name__}: {fault}"
-        return msgspec.structs.replace(measured, outcome=CRASHED, reason=reason)
+    except Exception as error:  # one bad run must not end the check
+        outcome, reason = outcome_of(error)
+        ended = REFUSED if outcome == REFUSED else CRASHED
+        return msgspec.structs.replace(measured, outcome=ended, reason=reason)
 
 
 def _measure_run(scenario: Scenario, measured: Measured) -> Measured:
-    result = make_run(scenario).run()
-    if result.reason.startswith("interrupted"):
-        raise KeyboardInterrupt
-    metrics = assembly_metrics(result) if measured.assembly else compute_metrics(result)
+    result = result_of(make_run(scenario))
+    metrics = metrics_of(result)
     return msgspec.structs.replace(
         measured,
         outcome=result.outcome,
         reason=result.reason,
         end=last_place(result),
         model_sha256=model_fingerprint(result.model),
-        metrics={name: metric for name, metric in metrics.items() if name not in WALL_CLOCK},
+        metrics=metrics,
         places=peak_places(result, metrics),
     )
 
@@ -111,22 +103,19 @@ def measure_all(
         A scenario cannot be read, two have one name, or a process died.
     """
     refuse_doubles(sources)
-    found = {}
-    try:
-        for source, measured in in_processes(
-            [(source,) for source in sources], _measure_one, workers or os.cpu_count() or 1
-        ):
-            found[source] = measured
+    study = Study(
+        design=sources,
+        task=lambda source: (source,),
+        run_one=measure,
+        key=lambda measured: measured.source,
+        summarise=list,
+    )
+
+    def tell(_: int, __: int, measured: Measured | None) -> None:
+        if measured is not None:
             on_done(measured)
-    except WorkerDiedError as error:
-        raise InputError(
-            "a process was ended from outside, by too little memory perhaps: try --workers 1"
-        ) from error
-    return [found[source] for source in sources]
 
-
-def _measure_one(source: str) -> tuple[str, Measured]:
-    return source, measure(source)
+    return study.run(in_processes(workers), on_run=tell)
 
 
 def refuse_doubles(sources: Sequence[str]) -> None:

@@ -1,15 +1,15 @@
-"""A confrontation in words and numbers: the table, the errors and what stays at rest."""
+"""An onset study in words and numbers: the table, the errors, the residual oscillation."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from dualbend.errors import InputError
-from dualbend.study.onset.filters import FilterCase
-from dualbend.study.onset.results import Case, Confrontation
+from dualbend.study.onset.results import Case, OnsetStudy
 
 _ANALYSES = ("sampled", "delayed", "paper")
 _NAMES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}
@@ -22,25 +22,26 @@ def describe_case(case: Case) -> str:
         f"b = {case.simulated.b:.4g} simulated, {case.sampled_b:.4g} sampled "
         f"({100 * case.error('sampled'):+.1f} %), {case.delayed_b:.3g} delayed, "
         f"{case.paper_b:.3g} paper; "
-        f"{case.simulated.frequency_hz:.2f} and {case.same_gains_hz:.2f} Hz"
+        f"{_shown(case.simulated.frequency_hz)} and {case.same_gains_hz:.2f} Hz"
     )
 
 
-def report(found: Confrontation) -> str:
+def report(found: OnsetStudy) -> str:
     """Return the whole result as Markdown."""
     return "\n".join([f"# {found.scenario}: prediction against simulation", "", *_table(found)])
 
 
-def write_report(found: Confrontation, folder: Path) -> None:
-    """Write the report beside the cases; InputError where that fails."""
+def write_report(found: OnsetStudy, folder: Path) -> None:
+    """Write ``onset.md`` and ``onset.json``; InputError where that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "confrontation.md").write_text(report(found), encoding="utf-8")
+        (folder / "onset.md").write_text(report(found), encoding="utf-8")
+        (folder / "onset.json").write_bytes(msgspec.json.format(msgspec.json.encode(found)))
     except OSError as error:
         raise InputError(f"--out {folder}: cannot be written: {error.strerror}") from error
 
 
-def summary(found: Confrontation) -> str:
+def summary(found: OnsetStudy) -> str:
     """Return the errors over all cases and by axis, one line each."""
     lines = []
     for axis in dict.fromkeys(case.axis for case in found.cases):
@@ -65,7 +66,7 @@ def summary(found: Confrontation) -> str:
     if gaps:
         size = np.abs(gaps)
         lines.append(
-            f"growth rate, {len(gaps)} of {sum(len(c.simulated.rates) for c in found.cases)} told: "
+            f"growth rate, {len(gaps)} of {sum(len(c.simulated.rates) for c in found.cases)}: "
             f"off by {np.median(size):.2f} /s in the median, {size.max():.2f} /s at most"
         )
     return "\n".join(lines)
@@ -79,38 +80,30 @@ def _spread(errors: Sequence[float]) -> str:
     )
 
 
-def _table(found: Confrontation) -> list[str]:
+def _table(found: OnsetStudy) -> list[str]:
     head = (
         "| axis | rad | k/b [1/s] | b simulated | sampled | delayed | paper | without friction | "
-        "Hz simulated / sampled | growth at 0.9 b, 1.1 b [1/s]: simulated / sampled | remains |"
+        "Hz simulated / sampled | growth at 0.9 b, 1.1 b [1/s]: simulated / sampled | residual |"
     )
     rows = [head, "|" + "---|" * head.count(" | ") + "---|"]
     for case in found.cases:
-        smooth = f"{case.frictionless.b:.4g}" if case.frictionless else "-"
+        smooth = "-" if case.frictionless is None else f"{case.frictionless.b:.4g}"
         growth = ", ".join(
-            f"{'-' if rate.simulated_per_s is None else format(rate.simulated_per_s, '.2f')} / "
-            f"{rate.predicted_per_s:.2f}"
+            f"{_shown(rate.simulated_per_s)} / {rate.predicted_per_s:.2f}"
             for rate in case.simulated.rates
         )
         scale, unit = (1e6, "µm") if case.axis == "x" else (1e3, "mrad")
+        residual = case.simulated.residual
         rows.append(
             f"| {case.axis} | {case.alpha_rad:g} | {case.ratio_per_s:g} | {case.simulated.b:.4g} | "
             f"{case.sampled_b:.4g} ({100 * case.error('sampled'):+.1f} %) | "
             f"{case.delayed_b:.3g} ({100 * case.error('delayed'):+.0f} %) | "
             f"{case.paper_b:.2g} ({100 * case.error('paper'):+.0f} %) | {smooth} | "
-            f"{case.simulated.frequency_hz:.2f} / {case.same_gains_hz:.2f} | {growth} | "
-            f"{scale * case.simulated.remains:.2g} {unit} |"
+            f"{_shown(case.simulated.frequency_hz)} / {case.same_gains_hz:.2f} | {growth} | "
+            f"{_shown(residual and scale * residual, '.2g')} {unit} |"
         )
     return [*rows, "", *(f"* {line}" for line in summary(found).splitlines()), ""]
 
 
-def describe_filters(cases: Sequence[FilterCase]) -> str:
-    """Return a table of filters: gain that is borne, and what is lost against no filter."""
-    lines = ["| filter | b predicted | b simulated | gain lost, predicted | simulated |"]
-    lines.append("|---|---|---|---|---|")
-    lines += [
-        f"| {case.name} | {case.predicted_b:.4g} | {case.simulated_b:.4g} | "
-        f"{100 * case.predicted_loss:.1f} % | {100 * case.simulated_loss:.1f} % |"
-        for case in cases
-    ]
-    return "\n".join(lines)
+def _shown(value: float | None, form: str = ".2f") -> str:
+    return "-" if value is None else format(value, form)

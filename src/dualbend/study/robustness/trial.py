@@ -1,17 +1,21 @@
 """One trial of a Monte Carlo study: what a sheet is drawn to be, and what became of its assembly.
 
+All that the study knows of assemblies is in this module.
+
 The robots believe in the scenario's sheet, holes and stand; only the truth is drawn. Every draw is
 run with the compliance that the scenario gives and without any.
 """
 
 from __future__ import annotations
 
+import json
 import math
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from dualbend.errors import DualbendError, InputError
+from dualbend.errors import InputError
 from dualbend.evaluation.assembly import pin_table, seated
 from dualbend.evaluation.metrics import surface_strain
 from dualbend.run.loop import Run, RunResult
@@ -20,6 +24,7 @@ from dualbend.run.trace import Trace
 from dualbend.scenario.assembly import AssemblyConfig, ErrorsConfig
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES, hole_places
+from dualbend.study.ending import outcome_of, result_of
 
 CAUSES = (
     ("the middle holes did not find", "middle holes not found"),
@@ -41,7 +46,7 @@ CAUSES = (
 )
 """What the reason of a run that ended early says, and the class that it belongs to; first match."""
 
-NOT_SEATED, REFUSED, RAISED, OTHER = "holes not seated", "refused", "error", "other"
+NOT_SEATED, OTHER = "holes not seated", "other"
 BEFORE, AFTER = "before the run", "after the run"
 
 
@@ -119,6 +124,35 @@ def assembly_of(scenario: Scenario) -> AssemblyConfig:
     return scenario.assembly
 
 
+def cases(scenario: Scenario) -> tuple[bool, ...]:
+    """Return the cases of each draw: with compliance, if the scenario has one, and without."""
+    return (False,) if assembly_of(scenario).compliance is None else (True, False)
+
+
+def stated(scenario: Scenario) -> dict[str, Any]:
+    """Return what a summary repeats of the scenario: spread of the errors, limit of the force."""
+    config = assembly_of(scenario)
+    return {
+        "spread": msgspec.to_builtins(config.spread),
+        "pin_force_limit_n": config.limits.pin_force_n,
+    }
+
+
+def play(scenario: Scenario) -> float:
+    """Return how far a hole may be from its pin without touching it [m]: half the clearance."""
+    return 0.5 * assembly_of(scenario).layout.holes.clearance_m
+
+
+def settings(trial: Trial) -> dict[str, str]:
+    """Return the keys that make the scenario that of the trial, with their values as text."""
+    found = {
+        f"assembly.errors.{name}": repr(value)
+        for name, value in msgspec.to_builtins(trial.errors).items()
+    }
+    found["assembly.layout.holes.errors_m"] = json.dumps(trial.hole_errors_m)
+    return found if trial.compliance else {**found, "assembly.compliance": "none"}
+
+
 def misalignment(scenario: Scenario) -> float:
     """Return how far the worst hole would be from its pin if nothing gave way [m].
 
@@ -141,14 +175,12 @@ def run_one(scenario: Scenario, seed: int, index: int, compliance: bool) -> Tria
     run: Run | None = None
     try:
         run = make_run(drawn)
-        return _judge(run.run(), index)
-    except DualbendError as error:
-        outcome, cause, reason = "refused", REFUSED, str(error)
+        return _evaluated(result_of(run), index)
     except Exception as error:  # one bad run must not end the study
-        outcome, cause, reason = "error", RAISED, f"{type(error).__name__}: {error}"
+        outcome, reason = outcome_of(error)
     reached = BEFORE if run is None else _phase(run.phases, getattr(run, "trace", None))
     return trial(
-        drawn, index, success=False, outcome=outcome, reason=reason, phase=reached, cause=cause
+        drawn, index, success=False, outcome=outcome, reason=reason, phase=reached, cause=outcome
     )
 
 
@@ -166,7 +198,7 @@ def trial(drawn: Scenario, index: int, **ended: bool | str | float | None) -> Tr
     return msgspec.convert({**ended, **fixed}, Trial)
 
 
-def _judge(result: RunResult, index: int) -> Trial:
+def _evaluated(result: RunResult, index: int) -> Trial:
     config = assembly_of(result.scenario)
     count = int(seated(result).sum())
     success = result.outcome == "completed" and count == len(HOLES) * config.sheets

@@ -92,3 +92,15 @@ def _name(config: LowPassConfig) -> str:
         return "none"
     size = f"{config.taps} taps" if config.kind == "fir" else f"order {config.order}"
     return f"{config.kind} {config.cutoff_hz:g} Hz, {size}"
+
+
+def table(cases: Sequence[FilterCase]) -> str:
+    """Return a Markdown table of filters: the onset, and the gain lost against no filter."""
+    lines = ["| filter | b predicted | b simulated | gain lost, predicted | simulated |"]
+    lines.append("|---|---|---|---|---|")
+    lines += [
+        f"| {case.name} | {case.predicted_b:.4g} | {case.simulated_b:.4g} | "
+        f"{100 * case.predicted_loss:.1f} % | {100 * case.simulated_loss:.1f} % |"
+        for case in cases
+    ]
+    return "\n".join(lines)
