@@ -166,7 +166,7 @@ def test_a_default_fits_a_value_of_zero_and_none() -> None:
     zero = default_tolerance("peak_pin_force", 0.0, True)
     assert (zero.kind, zero.allows(0.0, 0.01), zero.allows(0.0, 1.0)) == ("absolute", True, False)
     assert default_tolerance("oscillation_frequency", None, False).kind == "absolute"
-    assert "judge it" in default_tolerance("of_somebody_else", 1.0, False).reason
+    assert "review it" in default_tolerance("of_somebody_else", 1.0, False).reason
 
 
 def test_most_metrics_are_the_better_the_lower() -> None:

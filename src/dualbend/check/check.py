@@ -1,4 +1,4 @@
-"""The judge: runs scenarios, compares them with a baseline, and rewrites it where asked to."""
+"""The check: runs scenarios, compares them with a baseline, and rewrites it where asked to."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ _REST = (
     "friction decides where in its clearance a hole rests: 44 or 87 µm by another BLAS's rounding"
 )
 
-_UNKNOWN = Tolerance(kind="relative", size=0.01, reason="no default for this metric: judge it")
+_UNKNOWN = Tolerance(kind="relative", size=0.01, reason="no default for this metric: review it")
 
 _SIZES: dict[str, tuple[Literal["relative", "absolute"], float, float, str]] = {
     # name: kind, size, absolute size where the baseline is 0 and kind is relative, reason
