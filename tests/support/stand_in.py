@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from dualbend.evaluation.metrics import Metric
+from dualbend.run.record import Metric
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.robustness.trial import Trial, draw, misalignment, trial, without_compliance

@@ -10,9 +10,10 @@ import msgspec
 from dualbend.check.baseline import CRASHED, REFUSED, EndedAs
 from dualbend.errors import InputError
 from dualbend.evaluation.fingerprint import model_fingerprint
-from dualbend.evaluation.metrics import Metric, versions
+from dualbend.evaluation.metrics import versions
 from dualbend.evaluation.peaks import Place, last_place, peak_places
 from dualbend.run.make import make_run
+from dualbend.run.record import Metric
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.ending import metrics_of, outcome_of, result_of

@@ -14,8 +14,8 @@ import msgspec
 from dualbend.check.baseline import Baseline, Entry, Gate
 from dualbend.check.measure import Measured
 from dualbend.check.tolerances import better_where
-from dualbend.evaluation.metrics import Metric
 from dualbend.evaluation.peaks import Place
+from dualbend.run.record import Metric
 
 ENGINE = "mujoco"
 """The package whose version is the physics engine's."""

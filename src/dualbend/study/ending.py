@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dualbend.errors import DualbendError
-from dualbend.evaluation.metrics import WALL_CLOCK, Metric, assembly_metrics, compute_metrics
-from dualbend.run.loop import Run, RunResult
+from dualbend.evaluation.metrics import WALL_CLOCK
+from dualbend.run.loop import Run
+from dualbend.run.record import Metric, RunRecord
 
 REFUSED, RAISED = "refused", "error"
 """Outcomes beside those of a run: it cannot be made ready, or is broken."""
 
 
-def result_of(run: Run) -> RunResult:
+def result_of(run: Run) -> RunRecord:
     """Run to the end; KeyboardInterrupt where the user ended it: half a run is no result."""
     result = run.run()
     if result.reason.startswith("interrupted"):
@@ -18,10 +19,9 @@ def result_of(run: Run) -> RunResult:
     return result
 
 
-def metrics_of(result: RunResult) -> dict[str, Metric]:
+def metrics_of(result: RunRecord) -> dict[str, Metric]:
     """Return the metrics of a run, without those of the machine."""
-    kind = compute_metrics if result.scenario.assembly is None else assembly_metrics
-    return {name: metric for name, metric in kind(result).items() if name not in WALL_CLOCK}
+    return {name: metric for name, metric in result.metrics.items() if name not in WALL_CLOCK}
 
 
 def outcome_of(error: Exception) -> tuple[str, str]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgspec
 
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import Metric
 from dualbend.run.make import make_run
+from dualbend.run.record import Metric
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.ending import metrics_of, outcome_of, result_of
 from dualbend.study.sweep.design import Design
