@@ -13,7 +13,7 @@ from dualbend.evaluation.fingerprint import model_fingerprint
 from dualbend.evaluation.metrics import versions
 from dualbend.evaluation.peaks import Place, last_place, peak_places
 from dualbend.run.make import make_run
-from dualbend.run.record import Metric
+from dualbend.run.record import Metric, task_of
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.ending import metrics_of, outcome_of, result_of
@@ -31,7 +31,7 @@ class Measured(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     source: str
-    assembly: bool
+    task: str
     outcome: EndedAs
     reason: str = ""
     end: Place | None = None
@@ -56,7 +56,7 @@ def measure(source: str) -> Measured:
     measured = Measured(
         name=scenario.name,
         source=source,
-        assembly=scenario.assembly is not None,
+        task=task_of(scenario).kind,
         outcome=REFUSED,
         scenario_sha256=scenario_hash(scenario),
         versions={k: v for k, v in versions().items() if k not in _NOT_OF_A_RESULT},

@@ -13,7 +13,7 @@ import msgspec
 
 from dualbend.check.baseline import Baseline, Entry, Gate
 from dualbend.check.measure import Measured
-from dualbend.check.tolerances import better_where
+from dualbend.check.tolerances import Better, better_where
 from dualbend.evaluation.peaks import Place
 from dualbend.run.record import Metric
 
@@ -100,6 +100,7 @@ def _findings(entry: Entry | None, one: Measured) -> Iterator[Finding]:
         (olds, news), places = map(_listed, (gate, metric)), one.places.get(name, [])
         several = any(given and isinstance(given.value, list) for given in (gate, metric))
         for i, (before, now, place) in enumerate(zip_longest(olds, news, places)):
+            improved = better_where(name, one.task)
             yield Finding(
                 scenario=one.name,
                 metric=f"{name}[{i}]" if several else name,
@@ -108,7 +109,7 @@ def _findings(entry: Entry | None, one: Measured) -> Iterator[Finding]:
                 new=now,
                 allowed=gate.tolerance.in_words(gate.unit) if gate else "",
                 reason=gate.tolerance.reason if gate else "",
-                verdict=_verdict(gate, metric, before, now, name) if gate else "new",
+                verdict=_verdict(gate, metric, before, now, improved) if gate else "new",
                 place=place,
                 cause=cause,
             )
@@ -120,7 +121,7 @@ def _listed(given: Gate | Metric | None) -> Sequence[float | None]:
 
 
 def _verdict(
-    gate: Gate, metric: Metric | None, old: float | None, new: float | None, name: str
+    gate: Gate, metric: Metric | None, old: float | None, new: float | None, improved: Better
 ) -> Verdict:
     if gate.tolerance.kind == "none":
         return "not gated"
@@ -128,10 +129,9 @@ def _verdict(
         return "changed"
     if old is None or new is None or gate.tolerance.allows(old, new):
         return "ok"
-    better = better_where(name)
-    if better == "neither":
+    if improved == "neither":
         return "changed"
-    return "better" if (abs(new) < abs(old)) == (better == "lower") else "worse"
+    return "better" if (abs(new) < abs(old)) == (improved == "lower") else "worse"
 
 
 def _differences(entry: Entry, one: Measured) -> list[str]:

@@ -11,5 +11,6 @@ ASSEMBLY = Task(
     metrics="dualbend.task.assembly.metrics:metrics",
     tables="dualbend.task.assembly.metrics:tables",
     peaks="dualbend.task.assembly.metrics:peaks",
+    tolerances="dualbend.task.assembly.tolerances:TOLERANCES",
     recording="dualbend.task.assembly.recording:LAYERS",
 )
