@@ -14,8 +14,9 @@ import msgspec
 from dualbend.run.record import Metric
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
-from dualbend.study.robustness.trial import Trial, draw, misalignment, trial, without_compliance
+from dualbend.study.robustness.trial import Trial, trial
 from dualbend.study.sweep.row import RunRow
+from dualbend.task.assembly.draws import draw, misalignment, without_compliance
 
 PWB = load_scenario("pwb")
 CALLS = "DUALBEND_TEST_CALLS"

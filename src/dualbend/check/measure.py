@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import msgspec
 
@@ -53,34 +54,28 @@ def measure(source: str) -> Measured:
         The user ended it; half a run is no measurement.
     """
     scenario = load_scenario(source)
-    measured = Measured(
-        name=scenario.name,
-        source=source,
-        task=task_of(scenario).kind,
-        outcome=REFUSED,
-        scenario_sha256=scenario_hash(scenario),
-        versions={k: v for k, v in versions().items() if k not in _NOT_OF_A_RESULT},
-    )
+    what: dict[str, Any] = {
+        "name": scenario.name,
+        "source": source,
+        "task": task_of(scenario).kind,
+        "scenario_sha256": scenario_hash(scenario),
+        "versions": {k: v for k, v in versions().items() if k not in _NOT_OF_A_RESULT},
+    }
     try:
-        return _measure_run(scenario, measured)
+        result = result_of(make_run(scenario))
+        metrics = metrics_of(result)
+        what |= {
+            "outcome": result.outcome,
+            "reason": result.reason,
+            "end": last_place(result),
+            "model_sha256": model_fingerprint(result.model),
+            "metrics": metrics,
+            "places": peak_places(result, metrics),
+        }
     except Exception as error:  # one bad run must not end the check
         outcome, reason = outcome_of(error)
-        ended = REFUSED if outcome == REFUSED else CRASHED
-        return msgspec.structs.replace(measured, outcome=ended, reason=reason)
-
-
-def _measure_run(scenario: Scenario, measured: Measured) -> Measured:
-    result = result_of(make_run(scenario))
-    metrics = metrics_of(result)
-    return msgspec.structs.replace(
-        measured,
-        outcome=result.outcome,
-        reason=result.reason,
-        end=last_place(result),
-        model_sha256=model_fingerprint(result.model),
-        metrics=metrics,
-        places=peak_places(result, metrics),
-    )
+        what |= {"outcome": REFUSED if outcome == REFUSED else CRASHED, "reason": reason}
+    return Measured(**what)
 
 
 def scenario_hash(scenario: Scenario) -> str:

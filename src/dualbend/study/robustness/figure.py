@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.picture import save
 from dualbend.study.robustness.summary import CONFIDENCE, success_interval
-from dualbend.study.robustness.trial import Trial, play
+from dualbend.study.robustness.trial import Trial
+from dualbend.task.assembly.draws import play
 
 _BIN_HOLDS, _MOST_BINS = 8, 10
 _LOOKS = {True: ("tab:blue", "o", -1.0), False: ("tab:orange", "s", 1.0)}

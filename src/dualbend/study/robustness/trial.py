@@ -1,30 +1,27 @@
-"""One trial of a Monte Carlo study: what a sheet is drawn to be, and what became of its assembly.
+"""One trial of a Monte Carlo study: a drawn assembly's run, and how it ended.
 
-All that the study knows of assemblies is in this module.
-
-The robots believe in the scenario's sheet, holes and stand; only the truth is drawn. Every draw is
-run with the compliance that the scenario gives and without any.
+Every draw is run with the compliance that the scenario gives and without any. All that the study
+knows of assemblies is here and in :mod:`dualbend.task.assembly.draws`.
 """
 
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from dualbend.errors import InputError
 from dualbend.evaluation.metrics import surface_strain
 from dualbend.run.loop import Run
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord, task_of
 from dualbend.run.trace import Trace
-from dualbend.scenario.assembly import AssemblyConfig, ErrorsConfig
+from dualbend.scenario.assembly import ErrorsConfig
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.bed.config import HOLES, hole_places
+from dualbend.scene.bed.config import HOLES
 from dualbend.study.ending import outcome_of, result_of
+from dualbend.task.assembly.draws import assembly_of, draw, misalignment, without_compliance
 from dualbend.task.assembly.metrics import pin_table, seated
 
 CAUSES = (
@@ -56,7 +53,8 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
 
     ``seed`` of the sensors' noise, the same with and without compliance. ``success``: all holes of
     all sheets are seated. ``phase`` and ``cause`` of a failure, else empty. ``misalignment_m`` as
-    :func:`misalignment` has it. None where the run was refused or raised.
+    ``misalignment`` of :mod:`dualbend.task.assembly.draws` has it. None where the run was refused
+    or raised.
     """
 
     index: int
@@ -76,55 +74,6 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     hole_errors_m: tuple[tuple[float, float], ...]
 
 
-def draw(scenario: Scenario, seed: int, index: int) -> Scenario:
-    """Return the scenario with the errors of draw ``index``, added to those that it has.
-
-    Of SeedSequence(seed)'s child ``index``: it depends on no other draw. Lengths and angles are
-    normal with the standard deviations of ``assembly.spread``. Relative ones multiply by
-    exp(σ z − σ²/2), σ² = ln(1 + s²): log-normal, of mean 1 and standard deviation s, above zero.
-    The seed of the sensors' noise is drawn as well. InputError without an assembly.
-    """
-    config = assembly_of(scenario)
-    spread, errors, holes = config.spread, config.errors, config.layout.holes
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
-    # All of them, always: a width that is changed leaves the other draws as they are.
-    x, y, yaw, thickness, modulus, friction = rng.standard_normal(6).tolist()
-    off = spread.hole_m * rng.standard_normal((len(HOLES), 2)) + np.array(holes.errors_m)
-    drawn = ErrorsConfig(
-        pickup_x_m=errors.pickup_x_m + spread.pickup_x_m * x,
-        pickup_y_m=errors.pickup_y_m + spread.pickup_y_m * y,
-        pickup_yaw_rad=errors.pickup_yaw_rad + spread.pickup_yaw_rad * yaw,
-        thickness_factor=errors.thickness_factor * _factor(spread.thickness, thickness),
-        modulus_factor=errors.modulus_factor * _factor(spread.modulus, modulus),
-        friction_factor=errors.friction_factor * _factor(spread.friction, friction),
-    )
-    places = tuple((float(along), float(across)) for along, across in off)
-    replace = msgspec.structs.replace
-    layout = replace(config.layout, holes=replace(holes, errors_m=places))
-    assembly = replace(config, errors=drawn, layout=layout)
-    return replace(scenario, assembly=assembly, seed=int(rng.integers(2**31)))
-
-
-def _factor(relative: float, z: float) -> float:
-    variance = math.log1p(relative**2)
-    return math.exp(math.sqrt(variance) * z - 0.5 * variance)
-
-
-def without_compliance(scenario: Scenario) -> Scenario:
-    """Return the scenario with arms that go where they are sent."""
-    rigid = msgspec.structs.replace(assembly_of(scenario), compliance=None)
-    return msgspec.structs.replace(scenario, assembly=rigid)
-
-
-def assembly_of(scenario: Scenario) -> AssemblyConfig:
-    """Return the scenario's assembly; InputError where it has none."""
-    if scenario.assembly is None:
-        raise InputError(
-            f"scenario {scenario.name!r} has no assembly: what is drawn are the errors of one"
-        )
-    return scenario.assembly
-
-
 def cases(scenario: Scenario) -> tuple[bool, ...]:
     """Return the cases of each draw: with compliance, if the scenario has one, and without."""
     return (False,) if assembly_of(scenario).compliance is None else (True, False)
@@ -139,11 +88,6 @@ def stated(scenario: Scenario) -> dict[str, Any]:
     }
 
 
-def play(scenario: Scenario) -> float:
-    """Return how far a hole may be from its pin without touching it [m]: half the clearance."""
-    return 0.5 * assembly_of(scenario).layout.holes.clearance_m
-
-
 def settings(trial: Trial) -> dict[str, str]:
     """Return the keys that make the scenario that of the trial, with their values as text."""
     found = {
@@ -152,20 +96,6 @@ def settings(trial: Trial) -> dict[str, str]:
     }
     found["assembly.layout.holes.errors_m"] = json.dumps(trial.hole_errors_m)
     return found if trial.compliance else {**found, "assembly.compliance": "none"}
-
-
-def misalignment(scenario: Scenario) -> float:
-    """Return how far the worst hole would be from its pin if nothing gave way [m].
-
-    max over the holes of |R(ψ) (p + e) + d − p|: p the pin's place, e the hole's error, d and ψ
-    the pick-up's, of a flat sheet laid where the robots believe to lay it.
-    """
-    config = assembly_of(scenario)
-    errors, pins = config.errors, hole_places(config.layout.holes)
-    c, s = math.cos(errors.pickup_yaw_rad), math.sin(errors.pickup_yaw_rad)
-    holes = (pins + np.array(config.layout.holes.errors_m)) @ np.array([[c, s], [-s, c]])
-    off = holes + np.array([errors.pickup_x_m, errors.pickup_y_m]) - pins
-    return float(np.linalg.norm(off, axis=1).max())
 
 
 def run_one(scenario: Scenario, seed: int, index: int, compliance: bool) -> Trial:
