@@ -32,4 +32,4 @@ def test_losses_are_of_the_first_filter_s_gain(monkeypatch: pytest.MonkeyPatch) 
     # Golden, docs/stability.md: 0.5797 and 0.6400, 9.4 % lost.
     assert none.predicted_b == pytest.approx(0.5797, abs=5e-5)
     assert short.predicted_loss == pytest.approx(0.094, abs=5e-4)
-    assert "| fir 10 Hz, 2 taps | 0.64 | 0." in table([none, short])
+    assert "| fir 10 Hz, 2 taps | 0.64 | 0." in table([none, short]).markdown()

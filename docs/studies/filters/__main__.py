@@ -32,7 +32,7 @@ def main(scenario: str, axis: str, angle: float, ray: float, friction: bool) -> 
         )
     except DualbendError as error:
         raise click.UsageError(str(error)) from error
-    click.echo(table(cases))
+    click.echo(table(cases).markdown())
 
 
 if __name__ == "__main__":

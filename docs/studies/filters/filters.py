@@ -14,6 +14,7 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.study.onset.bisection import bracketed
 from dualbend.study.onset.held import SingleAxis, oscillate
 from dualbend.study.onset.prediction import RayLoop
+from dualbend.table import Column, Table
 
 FILTERS: tuple[LowPassConfig, ...] = (
     LowPassConfig(kind="none"),
@@ -94,13 +95,14 @@ def _name(config: LowPassConfig) -> str:
     return f"{config.kind} {config.cutoff_hz:g} Hz, {size}"
 
 
-def table(cases: Sequence[FilterCase]) -> str:
-    """Return a Markdown table of filters: the onset, and the gain lost against no filter."""
-    lines = ["| filter | b predicted | b simulated | gain lost, predicted | simulated |"]
-    lines.append("|---|---|---|---|---|")
-    lines += [
-        f"| {case.name} | {case.predicted_b:.4g} | {case.simulated_b:.4g} | "
-        f"{100 * case.predicted_loss:.1f} % | {100 * case.simulated_loss:.1f} % |"
+def table(cases: Sequence[FilterCase]) -> Table:
+    """Return a table of filters: the onset, and the gain lost against no filter."""
+    headings = ("filter", "b predicted", "b simulated", "gain lost, predicted", "simulated")
+    rows = [
+        (
+            *(case.name, case.predicted_b, case.simulated_b),
+            *(f"{100 * loss:.1f} %" for loss in (case.predicted_loss, case.simulated_loss)),
+        )
         for case in cases
     ]
-    return "\n".join(lines)
+    return Table([Column(name) for name in headings], rows)

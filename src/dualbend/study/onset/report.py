@@ -10,6 +10,7 @@ import numpy as np
 
 from dualbend.errors import InputError
 from dualbend.study.onset.results import Case, OnsetStudy
+from dualbend.table import Column, Table, shown
 
 _ANALYSES = ("sampled", "delayed", "paper")
 _NAMES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}
@@ -22,13 +23,15 @@ def describe_case(case: Case) -> str:
         f"b = {case.simulated.b:.4g} simulated, {case.sampled_b:.4g} sampled "
         f"({100 * case.error('sampled'):+.1f} %), {case.delayed_b:.3g} delayed, "
         f"{case.paper_b:.3g} paper; "
-        f"{_shown(case.simulated.frequency_hz)} and {case.same_gains_hz:.2f} Hz"
+        f"{shown(case.simulated.frequency_hz, '.2f')} and {case.same_gains_hz:.2f} Hz"
     )
 
 
 def report(found: OnsetStudy) -> str:
     """Return the whole result as Markdown."""
-    return "\n".join([f"# {found.scenario}: prediction against simulation", "", *_table(found)])
+    head = f"# {found.scenario}: prediction against simulation"
+    lines = [f"* {line}" for line in summary(found).splitlines()]
+    return "\n".join([head, "", _table(found).markdown(), "", *lines, ""])
 
 
 def write_report(found: OnsetStudy, folder: Path) -> None:
@@ -80,30 +83,29 @@ def _spread(errors: Sequence[float]) -> str:
     )
 
 
-def _table(found: OnsetStudy) -> list[str]:
-    head = (
-        "| axis | rad | k/b [1/s] | b simulated | sampled | delayed | paper | without friction | "
-        "Hz simulated / sampled | growth at 0.9 b, 1.1 b [1/s]: simulated / sampled | residual |"
+def _table(found: OnsetStudy) -> Table:
+    headings = (
+        *("axis", "rad", "k/b [1/s]", "b simulated", "sampled", "delayed", "paper"),
+        *("without friction", "Hz simulated / sampled"),
+        *("growth at 0.9 b, 1.1 b [1/s]: simulated / sampled", "residual"),
     )
-    rows = [head, "|" + "---|" * head.count(" | ") + "---|"]
-    for case in found.cases:
-        smooth = "-" if case.frictionless is None else f"{case.frictionless.b:.4g}"
-        growth = ", ".join(
-            f"{_shown(rate.simulated_per_s)} / {rate.predicted_per_s:.2f}"
-            for rate in case.simulated.rates
-        )
-        scale, unit = (1e6, "µm") if case.axis == "x" else (1e3, "mrad")
-        residual = case.simulated.residual
-        rows.append(
-            f"| {case.axis} | {case.alpha_rad:g} | {case.ratio_per_s:g} | {case.simulated.b:.4g} | "
-            f"{case.sampled_b:.4g} ({100 * case.error('sampled'):+.1f} %) | "
-            f"{case.delayed_b:.3g} ({100 * case.error('delayed'):+.0f} %) | "
-            f"{case.paper_b:.2g} ({100 * case.error('paper'):+.0f} %) | {smooth} | "
-            f"{_shown(case.simulated.frequency_hz)} / {case.same_gains_hz:.2f} | {growth} | "
-            f"{_shown(residual and scale * residual, '.2g')} {unit} |"
-        )
-    return [*rows, "", *(f"* {line}" for line in summary(found).splitlines()), ""]
+    return Table([Column(name) for name in headings], [_cells(case) for case in found.cases])
 
 
-def _shown(value: float | None, form: str = ".2f") -> str:
-    return "-" if value is None else format(value, form)
+def _cells(case: Case) -> tuple[object, ...]:
+    growth = ", ".join(
+        f"{shown(rate.simulated_per_s, '.2f')} / {rate.predicted_per_s:.2f}"
+        for rate in case.simulated.rates
+    )
+    scale, unit = (1e6, "µm") if case.axis == "x" else (1e3, "mrad")
+    residual = case.simulated.residual
+    return (
+        *(case.axis, f"{case.alpha_rad:g}", f"{case.ratio_per_s:g}", case.simulated.b),
+        f"{case.sampled_b:.4g} ({100 * case.error('sampled'):+.1f} %)",
+        f"{case.delayed_b:.3g} ({100 * case.error('delayed'):+.0f} %)",
+        f"{case.paper_b:.2g} ({100 * case.error('paper'):+.0f} %)",
+        case.frictionless.b if case.frictionless else None,
+        f"{shown(case.simulated.frequency_hz, '.2f')} / {case.same_gains_hz:.2f}",
+        growth,
+        None if residual is None else f"{scale * residual:.2g} {unit}",
+    )

@@ -12,5 +12,6 @@ ASSEMBLY = Task(
     tables="dualbend.task.assembly.metrics:tables",
     peaks="dualbend.task.assembly.metrics:peaks",
     tolerances="dualbend.task.assembly.tolerances:TOLERANCES",
+    report="dualbend.task.assembly.report:sections_of",
     recording="dualbend.task.assembly.recording:LAYERS",
 )

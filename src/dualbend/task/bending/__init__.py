@@ -11,4 +11,5 @@ BENDING = Task(
     metrics="dualbend.task.bending.metrics:metrics",
     peaks="dualbend.task.bending.metrics:peaks",
     tolerances="dualbend.task.bending.tolerances:TOLERANCES",
+    report="dualbend.task.bending.report:sections_of",
 )
