@@ -8,7 +8,8 @@ from pathlib import Path
 import msgspec
 
 from dualbend.errors import InputError
-from dualbend.run.saved import SavedMetric, SavedRun
+from dualbend.run.record import Metric, RunRecord
+from dualbend.table import Column, Table
 
 _NONE = "-"
 _OWN_CONTROLLER = "the scenario's own"
@@ -49,7 +50,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     versions: list[Differing]
 
 
-def compare_runs(a: SavedRun, b: SavedRun) -> Comparison:
+def compare_runs(a: RunRecord, b: RunRecord) -> Comparison:
     """Return the metrics of two runs, a row a value, and the settings and versions that differ.
 
     A compliance brought along from Python is among the settings, as ``controller``.
@@ -66,9 +67,13 @@ def compare_runs(a: SavedRun, b: SavedRun) -> Comparison:
     )
 
 
-def labels(a: SavedRun, b: SavedRun) -> tuple[str, str]:
+def _place(run: RunRecord) -> Path:
+    return run.folder or Path(run.scenario.name)
+
+
+def labels(a: RunRecord, b: RunRecord) -> tuple[str, str]:
     """Return the shortest ends of the runs' folders that tell them apart."""
-    first, second = (run.folder.resolve().parts for run in (a, b))
+    first, second = (_place(run).resolve().parts for run in (a, b))
     if first == second:
         return f"{first[-1]} (a)", f"{second[-1]} (b)"
     for n in range(1, max(len(first), len(second)) + 1):
@@ -80,25 +85,21 @@ def labels(a: SavedRun, b: SavedRun) -> tuple[str, str]:
 
 def report_text(found: Comparison) -> str:
     """Return the comparison as text."""
-    head = ("", *found.labels, "change", "unit")
-    rows = [("outcome", *found.outcomes, "", "")]
-    rows += [
-        (row.name, _number(row.a), _number(row.b), _percent(row.change), row.unit)
-        for row in found.metrics
-    ]
-    parts = [_columns([head, *rows])]
+    a, b = (Column(label, format=".5g") for label in found.labels)
+    columns = [Column(""), a, b, Column("change"), Column("unit")]
+    rows: list[tuple[object, ...]] = [("outcome", *found.outcomes)]
+    rows += [(row.name, row.a, row.b, _percent(row.change), row.unit) for row in found.metrics]
+    parts = [Table(columns, rows).text()]
     for title, items in (("settings", found.settings), ("versions", found.versions)):
-        lines = [(item.name, item.a, item.b) for item in items]
-        parts.append(
-            _columns([(f"{title} that differ", *found.labels), *lines])
-            if lines
-            else f"{title}: the same"
+        differing = Table(
+            [Column(f"{title} that differ"), a, b], [(item.name, item.a, item.b) for item in items]
         )
+        parts.append(differing.text() if items else f"{title}: the same")
     return "\n\n".join(parts)
 
 
 def write_comparison(
-    a: SavedRun, b: SavedRun, found: Comparison, folder: Path, *, record: bool = True
+    a: RunRecord, b: RunRecord, found: Comparison, folder: Path, *, record: bool = True
 ) -> None:
     """Write ``compare.txt``, ``compare.png`` and, with ``record``, ``compare.rrd``.
 
@@ -107,7 +108,7 @@ def write_comparison(
     InputError
         The folder cannot be written to.
     """
-    from dualbend.report.figures_compare import plot_compared_moments  # noqa: PLC0415
+    from dualbend.report.figures import plot_compared_moments  # noqa: PLC0415
 
     text = report_text(found)
     try:
@@ -122,16 +123,16 @@ def write_comparison(
         raise InputError(f"--out {folder}: cannot be written: {error.strerror or error}") from error
 
 
-def _controllers(a: SavedRun, b: SavedRun) -> list[dict[str, str]]:
+def _controllers(a: RunRecord, b: RunRecord) -> list[dict[str, str]]:
     """Return whose compliance each run had, which no scenario says."""
-    return [{"controller": run.summary.controller or _OWN_CONTROLLER} for run in (a, b)]
+    return [{"controller": run.controller or _OWN_CONTROLLER} for run in (a, b)]
 
 
-def _ended(run: SavedRun) -> str:
-    return run.summary.outcome.replace("_", " ")
+def _ended(run: RunRecord) -> str:
+    return run.outcome.replace("_", " ")
 
 
-def _metrics(a: dict[str, SavedMetric], b: dict[str, SavedMetric]) -> Iterator[Compared]:
+def _metrics(a: dict[str, Metric], b: dict[str, Metric]) -> Iterator[Compared]:
     for name in [*a, *(name for name in b if name not in a)]:
         first, second = a.get(name), b.get(name)
         known = first or second
@@ -154,7 +155,7 @@ def _row(
     return Compared(name=name, unit=unit, a=first, b=second)
 
 
-def _values(metric: SavedMetric | None) -> Sequence[float | None]:
+def _values(metric: Metric | None) -> Sequence[float | None]:
     if metric is None:
         return ()
     return metric.value if isinstance(metric.value, list) else (metric.value,)
@@ -178,16 +179,6 @@ def _differing(a: dict[str, str], b: dict[str, str]) -> Iterator[Differing]:
         first, second = a.get(name, _NONE), b.get(name, _NONE)
         if first != second:
             yield Differing(name=name, a=first, b=second)
-
-
-def _columns(rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
-    return "\n".join(line.rstrip() for line in lines)
-
-
-def _number(value: float | None) -> str:
-    return _NONE if value is None else f"{value:.5g}"
 
 
 def _percent(change: float | None) -> str:

@@ -12,35 +12,30 @@ import matplotlib as mpl
 
 mpl.use("Agg")
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import summary
-from dualbend.report.bending import knots_of
-from dualbend.report.data import Line, nominal_lines
+from dualbend.report.figures import ANGLE, draw
+from dualbend.report.moment import knots_of, moment_curves, moment_plot
 from dualbend.report.page import PAPER_FIGURES, write_report
+from dualbend.report.plot import Axis, Plot
 from dualbend.run import output
 from dualbend.run.make import make_run
-from dualbend.run.saved import SavedRun, load_run
+from dualbend.run.record import RunRecord
+from dualbend.run.saved import load_run
 from dualbend.scenario.load import load_scenario
 
 PROCESSES = 2
 FORMATS = ("png", "svg")
 
-_LOOKS = {
-    "raw": ("0.75", 0.7, "solid"),
-    "filtered": ("tab:orange", 0.9, "solid"),
-    "true": ("tab:blue", 1.8, "solid"),
-    "oracle, nominal": ("tab:green", 1.2, "dashed"),
-}
+MOMENT = Axis("moment at the gripper", "mN m")
 
 
 def make_figures(
     out: Path,
     settings: Sequence[str] = (),
-    on_done: Callable[[SavedRun], None] = lambda _: None,
-) -> list[SavedRun]:
+    on_done: Callable[[RunRecord], None] = lambda _: None,
+) -> list[RunRecord]:
     """Run the three scenarios into ``out`` and write pictures and page; return the runs.
 
     ``settings``: what is set otherwise in all three, as ``--set`` has it.
@@ -69,7 +64,7 @@ def make_figures(
 
 
 def _run_all(
-    folders: dict[str, Path], settings: Sequence[str], on_done: Callable[[SavedRun], None]
+    folders: dict[str, Path], settings: Sequence[str], on_done: Callable[[RunRecord], None]
 ) -> None:
     context = multiprocessing.get_context("spawn")
     try:
@@ -92,12 +87,12 @@ def _run(name: str, settings: Sequence[str], folder: Path) -> None:
         (folder / "trace.arrow").unlink(missing_ok=True)  # of an earlier run that was killed
         output.write_scenario(result, folder / "scenario.toml")
         output.write_trace(result, folder / "trace.parquet")
-        output.write_summary(summary(result), folder / "summary.json")
+        output.write_summary(result, folder / "summary.json")
     except OSError as error:
         raise InputError(f"--out {folder}: {error.strerror or error}") from error
 
 
-def write_pictures(runs: Sequence[SavedRun], out: Path) -> None:
+def write_pictures(runs: Sequence[RunRecord], out: Path) -> None:
     """Write each run's figure and all beside each other, on one scale, as PNG and SVG.
 
     Raises
@@ -106,34 +101,31 @@ def write_pictures(runs: Sequence[SavedRun], out: Path) -> None:
         A file cannot be written.
     """
     mpl.rcParams["svg.hashsalt"] = "dualbend"  # the same file from the same run
-    lines = [nominal_lines(run) for run in runs]
-    for run, of_run in zip(runs, lines, strict=True):
+    plots = [_plot(run) for run in runs]
+    for run, plot in zip(runs, plots, strict=True):
         figure = Figure(figsize=(5.6, 3.8), layout="constrained")
         axes = figure.add_subplot()
-        _draw(axes, run, of_run)
-        axes.set_ylabel("moment at the gripper [mN m]")
+        draw(axes, plot)
         axes.legend(frameon=False, fontsize="small")
         _save(figure, out / run.scenario.name)
     figure = Figure(figsize=(12.0, 4.0), layout="constrained")
     panels = figure.subplots(1, len(runs), sharex=True, sharey=True, squeeze=False)[0]
-    for axes, run, of_run in zip(panels, runs, lines, strict=True):
-        _draw(axes, run, of_run)
-    panels[0].set_ylabel("moment at the gripper [mN m]")
+    for axes, plot in zip(panels, plots, strict=True):
+        draw(axes, plot)
+        axes.label_outer()
     panels[0].legend(frameon=False, fontsize="small", loc="lower right")
     _save(figure, out / "figures")
 
 
-def _draw(axes: Axes, run: SavedRun, lines: Sequence[Line]) -> None:
-    for line in lines:
-        colour, width, style = _LOOKS[line.name]
-        axes.plot(line.x, line.y, color=colour, linewidth=width, linestyle=style, label=line.name)
-    for knot in knots_of(run):
-        axes.axvline(knot, color="0.88", linewidth=0.8, zorder=0)
-    axes.axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
-    axes.set_xlabel("bending angle α, nominal [rad]")
-    paper = PAPER_FIGURES.get(run.scenario.name)
-    axes.set_title(f"{paper}: {run.scenario.name}" if paper else run.scenario.name, loc="left")
-    axes.margins(x=0.01)
+def _plot(run: RunRecord) -> Plot:
+    name = run.scenario.name
+    paper = PAPER_FIGURES.get(name)
+    return moment_plot(
+        moment_curves(run),
+        knots_of(run.scenario),
+        axes=(ANGLE, MOMENT),
+        title=f"{paper}: {name}" if paper else name,
+    )
 
 
 def _save(figure: Figure, stem: Path) -> None:

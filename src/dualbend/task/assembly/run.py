@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import msgspec
@@ -14,7 +15,6 @@ from dualbend.control.compliance.object import (
     ObjectComplianceConfig,
     critical_rate,
 )
-from dualbend.control.controller import ComplianceController
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
 from dualbend.control.reading import Reading, net_wrench, vertical_force
@@ -23,7 +23,7 @@ from dualbend.planning.plan import AssemblyPlan, plan_assembly
 from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.cell import RobotCell
-from dualbend.run.loop import Cycle, Run
+from dualbend.run.loop import Run
 from dualbend.run.outcome import TaskStopped
 from dualbend.scenario.assembly import ErrorsConfig
 from dualbend.scenario.path import make_path
@@ -35,7 +35,7 @@ from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
-from dualbend.task.assembly.program import AssemblyTask
+from dualbend.task.assembly.program import AssemblyProgram
 from dualbend.task.assembly.stiffness import object_stiffness
 from dualbend.task.assembly.workplace import check_workplace
 from dualbend.types import SIDES, Side, Vector
@@ -106,7 +106,6 @@ class AssemblyRun(Run):
         A posture is out of reach, or the sheet's holes do not fit the pins at any bending angle.
     """
 
-    phases = PHASES
     task_columns = TASK_COLUMNS
 
     def __init__(self, scenario: Scenario) -> None:
@@ -115,18 +114,25 @@ class AssemblyRun(Run):
         assert scenario.assembly is not None
         self.config, sheet = scenario.assembly, scenario.sheet.sheet()
         self._path = make_path(scenario.path, sheet.length_m)
-        self._believed = sheet
         limit = scenario.limit_strain
         assert limit is not None  # an assembly has one
-        task = self._make_task()
-        scenario = self.scenario = with_placements(scenario, self._targets(task))
+        self.program = AssemblyProgram(
+            config=self.config,
+            sheet=sheet,
+            path=self._path,
+            touch_rad=self.plan.unfolding.reach_rad,
+            bend_speed_rad_per_s=scenario.motion.speed_rad_per_s,
+            period_s=COMMAND_PERIOD_S,
+        )
+        start = self.program.start
+        scenario = self.scenario = with_placements(scenario, self._targets())
         try:
-            cell = RobotCell(scenario, self._pose(task.start), _place(task.start))
+            cell = RobotCell(scenario, self._pose(start), _place(start))
         except InputError as error:
             raise self._out_of_reach("approach", error) from error
         super().__init__(scenario, cell)
         self._limit_strain = limit * sheet.young_pa / cell.sheet.young_pa
-        self._foresee(task)
+        self._check_path()
         simulation, layout = cell.simulation, self.config.true_layout()
         self.grippers = Grippers(simulation.model, simulation.data, cell.sheet.thickness_m)
         self.pins = PinContacts(
@@ -137,26 +143,16 @@ class AssemblyRun(Run):
             self.stiffness = self._stiffness(cell)
             self._mobility = self._rate(self.config.compliance) / self.stiffness
 
-    def _make_task(self) -> AssemblyTask:
-        """Return the robots' program, anew: it has a memory."""
-        return AssemblyTask(
-            config=self.config,
-            sheet=self._believed,
-            path=self._path,
-            touch_rad=self.plan.unfolding.reach_rad,
-            bend_speed_rad_per_s=self.scenario.motion.speed_rad_per_s,
-        )
-
     def _pose(self, posture: Posture) -> Vector:
         half, rise = self._path.at(posture.alpha)
         return np.array([-half - posture.retreat, rise, posture.alpha])
 
-    def _targets(self, task: AssemblyTask) -> dict[Side, Vector]:
+    def _targets(self) -> dict[Side, Vector]:
         """Return both grips' poses (k, 4, 4) along the task, each in its arm's bending frame."""
-        postures = [posture for _, posture in task.waypoints()]
+        postures = [posture for _, posture in self.program.waypoints()]
         targets = [
             carried_targets(np.array([self._pose(posture)] * 2), _place(posture))
-            for posture in (task.start, *postures)
+            for posture in (self.program.start, *postures)
         ]
         turn = np.diag([-1.0, -1.0, 1.0, 1.0])
         return {
@@ -164,10 +160,10 @@ class AssemblyRun(Run):
             "right": np.array([turn @ right.as_matrix() for _, right in targets]),
         }
 
-    def _foresee(self, task: AssemblyTask) -> None:
+    def _check_path(self) -> None:
         """Refuse postures that the arms cannot reach."""
         q, visited = self.cell.home, []
-        for phase, posture in task.waypoints():
+        for phase, posture in self.program.waypoints():
             try:
                 q = self.cell.reach(self._pose(posture), q, _place(posture))
             except InputError as error:
@@ -175,8 +171,8 @@ class AssemblyRun(Run):
             visited.append(q)
             if phase == "lower":
                 self._down, self._down_q = posture, q
-        self.foreseen = np.array(visited)
-        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, self.foreseen)
+        self.checked_poses = np.array(visited)
+        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, self.checked_poses)
 
     def _out_of_reach(self, phase: str, error: InputError) -> InputError:
         layout = self.config.layout
@@ -251,60 +247,69 @@ class AssemblyRun(Run):
             found.append(np.diag(object_stiffness(cell, q, posture.alpha, pinned)))
         return np.array(found)
 
-    def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
+    def begin(self, on_cycle: Callable[[int], None] | None = None) -> None:
+        """Start again: the program, the compliance of the held sheet and its delay, too."""
         compliance = self.config.compliance
-        admittance = (
+        self._admittance = (
             None if compliance is None else ObjectAdmittance(compliance, BENDS, self._mobility)
         )
-        delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
-        task = self._make_task()
-        steps = task.steps()
-        goal = next(steps)
-        while True:
-            if cycle.trace.rows == self.cycles:
-                raise TaskStopped(
-                    f"{PHASES[goal.phase]}: not done within {self.config.sheets * LONGEST_S:g} s"
-                )
-            if task.laid > len(self.laid):
-                self.laid.append(self.pins.offsets())
-                self._supply()
-            x, rise, alpha = self._pose(goal.posture).tolist()
-            place = _place(goal.posture)
-            seen = cycle.observe(goal.phase, np.array([alpha, -x, place[2] + rise]))
-            sample = cycle.sample
-            readings = controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
-            net = net_wrench(readings, -x, alpha, float(place[3]))
-            deviation = np.zeros(3)
-            if admittance is not None:
-                if goal.bend is not None:
-                    admittance.update(task.contact_wrench(net), goal.bend, goal.seeking)
-                elif goal.phase < PHASES.index("lower"):
-                    admittance.relax(self.config.speeds.travel_m_per_s)
-                deviation = admittance.deviation
-            self._note(cycle, goal, task.laid, deviation, net)
-            moved = place + delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
-            command = controller.command(readings, x, rise, alpha)
-            self.grippers.drive(goal.posture.opening)
-            targets = carried_targets(command.pose, moved)
-            error = _error(targets, seen.grip[:, :3])
-            cycle.send(targets, readings, command)
-            self.grippers.update()
-            sensed = Sensed(
-                net=net,
-                vertical=_vertical(readings, alpha),
-                gap=self.grippers.gap_m,
-                error_m=error,
-            )
-            try:
-                goal = steps.send(sensed)
-            except StopIteration:
-                self.laid.append(self.pins.offsets())
-                return
+        self._delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
+        self._task = self.program.begin()
+        super().begin(on_cycle)
 
-    def _note(self, cycle: Cycle, goal: Goal, laid: int, deviation: Vector, net: Vector) -> None:
+    def step(self) -> bool:
+        """Run one command cycle of the program; False at its end."""
+        laid, goal = self._task.state.laid, self._task.goal
+        if goal is None:
+            return False
+        if self.trace.rows == self.cycles:
+            raise TaskStopped(
+                f"{PHASES[goal.phase]}: not done within {self.config.sheets * LONGEST_S:g} s"
+            )
+        if laid > len(self.laid):
+            self.laid.append(self.pins.offsets())
+            self._supply()
+        x, rise, alpha = self._pose(goal.posture).tolist()
+        place = _place(goal.posture)
+        seen = self.observe(goal.phase, np.array([alpha, -x, place[2] + rise]))
+        sample = self.sample
+        readings = self.controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
+        net = net_wrench(readings, -x, alpha, float(place[3]))
+        deviation = self._comply(goal, net)
+        self._note(goal, laid, deviation, net)
+        moved = place + self._delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
+        command = self.controller.command(readings, x, rise, alpha)
+        self.grippers.drive(goal.posture.opening)
+        targets = carried_targets(command.pose, moved)
+        error = _error(targets, seen.grip[:, :3])
+        self.send(targets, readings, command)
+        self.grippers.update()
+        sensed = Sensed(
+            net=net,
+            vertical=_vertical(readings, alpha),
+            gap=self.grippers.gap_m,
+            error_m=error,
+        )
+        if self._task.advance(sensed) is None:
+            self.laid.append(self.pins.offsets())
+        return True
+
+    def _comply(self, goal: Goal, net: Vector) -> Vector:
+        """Return the deviation of the held sheet, x, y [m] and yaw [rad] (3,)."""
+        admittance = self._admittance
+        if admittance is None:
+            return np.zeros(3)
+        if goal.alpha_ratio is not None:
+            wrench = self._task.state.contact_wrench(net)
+            admittance.update(wrench, goal.alpha_ratio, goal.seeking)
+        elif goal.phase < PHASES.index("lower"):
+            admittance.relax(self.config.speeds.travel_m_per_s)
+        return admittance.deviation
+
+    def _note(self, goal: Goal, laid: int, deviation: Vector, net: Vector) -> None:
         """Record what is the assembly's own, and stop at what does damage."""
         peaks, limits = self.pins.peaks(), self.config.limits
-        cycle.trace.note(
+        self.trace.record_task(
             [
                 float(laid),
                 float(goal.attempt),
