@@ -9,7 +9,7 @@ import pytest
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
-from dualbend.scenario.task import ErrorsConfig, SpreadConfig
+from dualbend.task.assembly.config import ErrorsConfig, SpreadConfig
 from dualbend.task.assembly.draws import assembly_of, draw, misalignment
 
 PWB = load_scenario("pwb")
@@ -94,5 +94,5 @@ def test_misalignment_is_the_distance_of_the_worst_hole() -> None:
 
 @pytest.mark.parametrize("name", SpreadConfig.__struct_fields__)
 def test_a_negative_width_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match=rf"assembly\.spread\.{name} = -0\.1"):
+    with pytest.raises(InputError, match=rf"task\.spread\.{name} = -0\.1"):
         load_scenario("pwb", [f"task.spread.{name}=-0.1"])

@@ -26,6 +26,7 @@ from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.metrics import final_holes, phase_table, seated
 from dualbend.task.assembly.motions import PHASES
 from dualbend.task.assembly.run import AssemblyRun
+from dualbend.task.bending.config import BendingConfig
 from dualbend.task.assembly.stiffness import object_stiffness
 
 Array = NDArray[np.float64]
@@ -355,16 +356,16 @@ def test_none_unsets_an_optional_section_of_the_extended_scenario(tmp_path: Path
     assembly = load_scenario(str(child)).task
     assert isinstance(assembly, AssemblyConfig)
     assert assembly.compliance is None
-    child.write_text('extends = "pwb"\nname = "child"\nassembly = "none"\n')
-    assert load_scenario(str(child)).task is None
     grandchild = tmp_path / "grandchild.toml"
     grandchild.write_text(
         'extends = "child.toml"\nname = "g"\n[task.compliance]\ngain_margin = 5.0\n'
     )
     again = load_scenario(str(grandchild)).task
-    assert again is not None
+    assert isinstance(again, AssemblyConfig)
     assert again.compliance is not None
     assert again.compliance.gain_margin == 5.0
+    child.write_text('extends = "pwb"\nname = "child"\n[task]\nkind = "bending"\n')
+    assert load_scenario(str(child)).task == BendingConfig()
 
 
 def test_none_on_the_command_line_unsets_too() -> None:
@@ -378,7 +379,7 @@ def test_none_on_the_command_line_unsets_too() -> None:
 
 
 def test_none_for_what_is_not_optional_is_refused() -> None:
-    with pytest.raises(InputError, match=r"assembly\.lift_m = 'none'"):
+    with pytest.raises(InputError, match=r"task\.lift_m = 'none'"):
         load_scenario("pwb", ["task.lift_m=none"])
 
 
