@@ -79,7 +79,7 @@ def held(
         raise InputError(f"angle {alpha_rad!r}: must be above {2.0 * step} rad")
     given = scenario.compliance.x if axis == "x" else scenario.compliance.rotation
     if given is None:
-        raise InputError(f"compliance.{axis} is off: nothing to confront")
+        raise InputError(f"compliance.{axis} is off: nothing to study")
     moved: AxisConfig = msgspec.structs.replace(
         given, b=b, k=k, from_alpha_rad=alpha_rad - step / 2.0
     )
@@ -123,11 +123,11 @@ def oscillate(scenario: Scenario, axis: SingleAxis, *, friction: bool = True) ->
     first = math.ceil((SETTLE_S + _TRANSIENT_S) / COMMAND_PERIOD_S)
     cycles = ready.motion.cycles
     deviation = trace[f"{side}_deviation_{name}"][first:]
-    return judge(deviation[np.isfinite(deviation)], cycles - first, limit)
+    return evaluate(deviation[np.isfinite(deviation)], cycles - first, limit)
 
 
-def judge(deviation: Vector, planned: int, limit: float) -> Oscillation:
-    """Judge a deviation (n,) [m] or [rad], sampled every 28 ms, of ``planned`` samples at most."""
+def evaluate(deviation: Vector, planned: int, limit: float) -> Oscillation:
+    """Evaluate a deviation (n,) [m] or [rad], a sample every 28 ms, ``planned`` of them at most."""
     window = round(WINDOW_S / COMMAND_PERIOD_S)
     if deviation.size < planned or deviation.size < 4 * window:
         return Oscillation(grows=True, growth_per_s=math.inf, frequency_hz=math.nan, final=math.inf)

@@ -6,7 +6,7 @@ would be right.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -133,7 +133,7 @@ def load_sweep(path: Path) -> Sweep:
     data = _read(file)
     source = file.name
     config = converted(data, SweepConfig, source)
-    keys = {name: make_spec(table, source, name) for name, table in _flat(config.keys)}
+    keys = {name: make_spec(table, source, name) for name, table in _leaves(config.keys, is_spec)}
     sweep = Sweep(
         name=config.name or path.stem,
         source=source,
@@ -167,20 +167,21 @@ def _scenario_tables(scenario: str, file: Path) -> dict[str, Any]:
         raise InputError(f"{file.name}: scenario = {scenario!r}: {error}") from error
 
 
-def _flat(keys: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
-    """Yield each key by its dotted name, also where TOML made tables of the dots."""
-    for name, table in keys.items():
-        where = (*path, name)
-        if isinstance(table, dict) and not is_spec(table):
-            yield from _flat(table, where)
+def _leaves(
+    table: Mapping[str, Any], is_leaf: Callable[[Mapping[str, Any]], bool], path: str = ""
+) -> Iterator[tuple[str, Any]]:
+    """Yield each value by its dotted name, also where TOML made tables of the dots."""
+    for name, value in table.items():
+        if isinstance(value, dict) and not is_leaf(value):
+            yield from _leaves(value, is_leaf, f"{path}{name}.")
         else:
-            yield ".".join(where), table
+            yield f"{path}{name}", value
 
 
 def _check_keys(sweep: Sweep) -> None:
     if not sweep.keys:
         raise InputError(f"{sweep.source}: [keys] is empty: it needs a key that varies")
-    fixed = [name for name, _ in _leaves(sweep.config.settings)]
+    fixed = [name for name, _ in _leaves(sweep.config.settings, lambda table: not table)]
     for name in sweep.keys:
         for other in (*fixed, *sweep.keys):
             same = other == name and other in fixed
@@ -189,14 +190,6 @@ def _check_keys(sweep: Sweep) -> None:
                     f"{sweep.source}: keys.{name}: {other} is given as well; only one can hold"
                 )
         _check_key(sweep, name)
-
-
-def _leaves(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
-    for name, value in table.items():
-        if isinstance(value, dict) and value:
-            yield from _leaves(value, (*path, name))
-        else:
-            yield ".".join((*path, name)), value
 
 
 def _check_key(sweep: Sweep, name: str) -> None:

@@ -1,4 +1,4 @@
-"""A sweep's table: a row a run, a column a key or a number, the units in the columns' metadata."""
+"""A sweep's table: one row per run, one column per key or metric, with their units as metadata."""
 
 from __future__ import annotations
 

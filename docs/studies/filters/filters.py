@@ -14,6 +14,7 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.study.onset.bisection import bracketed
 from dualbend.study.onset.held import SingleAxis, oscillate
 from dualbend.study.onset.prediction import RayLoop
+from dualbend.table import Column, Table
 
 FILTERS: tuple[LowPassConfig, ...] = (
     NoFilterConfig(),
@@ -92,3 +93,16 @@ def _name(config: LowPassConfig) -> str:
         return "none"
     size = f"{config.taps} taps" if isinstance(config, FirConfig) else f"order {config.order}"
     return f"{config.kind} {config.cutoff_hz:g} Hz, {size}"
+
+
+def table(cases: Sequence[FilterCase]) -> Table:
+    """Return a table of filters: the onset, and the gain lost against no filter."""
+    headings = ("filter", "b predicted", "b simulated", "gain lost, predicted", "simulated")
+    rows = [
+        (
+            *(case.name, case.predicted_b, case.simulated_b),
+            *(f"{100 * loss:.1f} %" for loss in (case.predicted_loss, case.simulated_loss)),
+        )
+        for case in cases
+    ]
+    return Table([Column(name) for name in headings], rows)
