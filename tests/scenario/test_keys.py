@@ -250,11 +250,11 @@ def test_what_is_switched_on_by_its_header_loads(base: str, tmp_path: Path) -> N
 
     What is of another kind stays off.
     """
-    kind = load_scenario(base).compliance.kind
+    live = load_scenario(base)
 
     def of_another_kind(block: str) -> bool:
-        belongs = re.search(r"with kind = (.*)\.", block.replace("\n# ", " "))
-        if belongs and f'"{kind}"' not in belongs.group(1):
+        belongs = re.search(r"Of (\w+) with kind = (.*)\.", block.replace("\n# ", " "))
+        if belongs and f'"{getattr(live, belongs.group(1)).kind}"' not in belongs.group(2):
             return True
         return "\n#[" in block and "\n#kind = " in block
 
