@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dualbend.control.compliance.admittance import AdmittanceConfig, NoComplianceConfig
@@ -106,6 +107,9 @@ def test_an_inherited_kind_stays(tmp_path: Path) -> None:
             ["cell.base_yaw_rad=0.1", "robot.model=ur5"],
         ),
         ({"compliance": {"sensing": ("left", "right")}}, ['compliance.sensing=["left","right"]']),
+        ({"sheet": {"width_m": np.float64(0.06)}}, ["sheet.width_m=0.06"]),
+        ({"cell": {"home_rad": np.arange(6.0)}}, ["cell.home_rad=[0.0,1.0,2.0,3.0,4.0,5.0]"]),
+        ({"filter": IirConfig(order=3)}, ["filter.kind=iir", "filter.order=3"]),
         ({}, []),
     ],
 )
@@ -123,6 +127,8 @@ def test_a_dictionary_says_what_texts_say(tables: dict[str, Any], texts: list[st
         ({"sheet": {"width_m": "wide"}}, "sheet.width_m = 'wide': Expected `float`"),
         ({"sheet": {"width_m": float("nan")}}, "sheet.width_m = nan: must be a finite number"),
         ({"sheet": {"width_m": {"x": 1}}}, "settings: 'width_m' is a value, not a section"),
+        ({"sheet": {"width_m": object()}}, "settings: need numbers, texts, lists and tables"),
+        ({3: 4}, "3 = 4: unknown key"),
         ({"alter": {"delay_cycles": 3}}, "alter.delay_cycles is now robot.alter.delay_cycles"),
     ],
 )

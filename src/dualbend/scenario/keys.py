@@ -61,15 +61,15 @@ class Key:
 class Section:
     """A TOML table: ``path`` is () for the keys at the top; ``optional`` is off unless given.
 
-    ``kind``: of a section of several kinds, each of which is one of these; else "". ``within``: the
-    kinds of the section around it that have it; empty where all do. ``intro`` and ``more`` are the
-    first and the other paragraphs of the code's own description.
+    ``kind``: of a section of several kinds, each of which is one of these; else "". ``belongs``: a
+    sentence that says to which kinds of a section around it this one belongs, "" where to all.
+    ``intro`` and ``more`` are the first and the other paragraphs of the code's own description.
     """
 
     path: tuple[str, ...]
     struct: Struct
     kind: str
-    within: tuple[str, ...]
+    belongs: str
     intro: str
     more: tuple[str, ...]
     optional: bool
@@ -79,12 +79,6 @@ class Section:
     def title(self) -> str:
         """The table's name as TOML has it, without brackets."""
         return ".".join(self.path)
-
-    @property
-    def belongs(self) -> str:
-        """A sentence that says to which kinds of the section around it this one belongs."""
-        words = " or ".join(f'"{kind}"' for kind in self.within)
-        return f" Of {'.'.join(self.path[:-1])} with kind = {words}." if words else ""
 
     def of(self, scenario: object) -> object:
         """Return the section's struct in a scenario; None where the scenario does not have it."""
@@ -109,7 +103,7 @@ def _walk(
     path: tuple[str, ...],
     instance: object,
     *,
-    within: tuple[str, ...] = (),
+    belongs: str = "",
     optional: bool = False,
 ) -> Iterator[Section]:
     """Yield a section, once for each of its kinds, then those inside it.
@@ -130,7 +124,7 @@ def _walk(
             path=path,
             struct=struct,
             kind=kind,
-            within=within,
+            belongs=belongs,
             intro=intro,
             more=tuple(more),
             optional=optional,
@@ -138,11 +132,14 @@ def _walk(
         )
     for name, of in inner.items():
         field, found = next(iter(of.values()))
+        some = (
+            f" Of {'.'.join(path)} with kind = {_words(of)}." if len(of) < len(kinds) else belongs
+        )
         yield from _walk(
             field.kinds,
             (*path, name),
             None if found is REQUIRED else found,
-            within=tuple(of) if len(of) < len(kinds) else (),
+            belongs=some,
             optional=found is None,
         )
 

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import msgspec
+
 from dualbend.errors import InputError
 from dualbend.resources import scenarios_dir
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_absurd, refuse_unknown
@@ -53,7 +55,7 @@ def resolve_scenario(
     """Return the scenario of tables with settings applied; ``source`` is named in messages."""
     data = _laid_over({}, tables)
     given: list[tuple[str, Mapping[str, Any]]] = (
-        [("settings", settings)]
+        [("settings", _tables_of(settings))]
         if isinstance(settings, Mapping)
         else [(f"--set {text}", _table_of(text)) for text in settings]
     )
@@ -189,6 +191,17 @@ def _split(table: Mapping[str, Any], kinds: Kinds) -> tuple[dict[str, Any], dict
         else:
             rest[key] = value
     return first, rest
+
+
+def _tables_of(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables with plain numbers and lists, also of NumPy's and of sections' structs."""
+    try:
+        tables: dict[str, Any] = msgspec.to_builtins(
+            settings, str_keys=True, enc_hook=lambda value: value.tolist()
+        )
+    except (TypeError, AttributeError) as error:
+        raise InputError(f"settings: need numbers, texts, lists and tables: {error}") from error
+    return tables
 
 
 def _table_of(setting: str) -> dict[str, Any]:
