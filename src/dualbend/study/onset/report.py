@@ -10,7 +10,7 @@ import numpy as np
 from dualbend.errors import InputError
 from dualbend.study.onset.filters import FilterCase
 from dualbend.study.onset.results import Case, Confrontation
-from dualbend.table import Column, Table, shown
+from dualbend.table import Table, shown
 
 _ANALYSES = ("sampled", "delayed", "paper")
 _NAMES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}
@@ -88,7 +88,7 @@ def _table(found: Confrontation) -> Table:
         *("without friction", "Hz simulated / sampled"),
         *("growth at 0.9 b, 1.1 b [1/s]: simulated / sampled", "remains"),
     )
-    return Table([Column(name) for name in headings], [_cells(case) for case in found.cases])
+    return Table(headings, [_cells(case) for case in found.cases])
 
 
 def _cells(case: Case) -> tuple[object, ...]:
@@ -119,4 +119,4 @@ def describe_filters(cases: Sequence[FilterCase]) -> str:
         )
         for case in cases
     ]
-    return Table([Column(name) for name in headings], rows).markdown()
+    return Table(headings, rows).markdown()
