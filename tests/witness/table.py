@@ -12,7 +12,10 @@ from witness_rows import ROOT, ROWS_FILE
 
 PAGE = ROOT / "docs" / "witnesses.md"
 
-HEAD = "| quantity | points | this project | theory | witness | unit | less project | less theory |"
+HEAD = (
+    "| quantity | points | this project | theory | cross-check | unit "
+    "| less project | less theory |"
+)
 
 
 def number(value: float | None) -> str:
@@ -43,9 +46,9 @@ def line(row: dict[str, Any], points: str) -> str:
     asked = (
         ""
         if part is None
-        else f" (asked {100 * part:g} %)"
+        else f" (required {100 * part:g} %)"
         if part > 1e-3
-        else f" (asked {part:.0e})"
+        else f" (required {part:.0e})"
     )
     cells = [
         f"{row['quantity']}{asked}",
@@ -59,7 +62,7 @@ def line(row: dict[str, Any], points: str) -> str:
 
 
 def short(run: dict[str, Any]) -> Iterator[str]:
-    """Yield one row for each quantity of a run: the point where the witness differs most."""
+    """Yield one row for each quantity of a run: the point where the cross-check differs most."""
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in run["rows"]:
         groups.setdefault(row["quantity"], []).append(row)
@@ -72,9 +75,8 @@ def short(run: dict[str, Any]) -> Iterator[str]:
 def heading(run: dict[str, Any], *, times: bool) -> str:
     """Return the row that begins a run, with the time that each took."""
     took = run["seconds"]
-    parts = [
-        f"{who} {_rounded(took[who])} s" for who in ("project", "theory", "witness") if who in took
-    ]
+    names = {"project": "project", "theory": "theory", "witness": "cross-check"}
+    parts = [f"{shown} {_rounded(took[who])} s" for who, shown in names.items() if who in took]
     told = f" ({', '.join(parts)})" if times and parts else ""
     return f"| **{run['witness']}: {run['name']}**{told} |" + " |" * 7
 

@@ -1,4 +1,4 @@
-"""The material library as people and programs read it: text, Markdown, JSON."""
+"""The material library as text, Markdown and JSON."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _COLUMNS = (
 
 
 def overview(materials: Mapping[str, Material]) -> str:
-    """Return a line a material, with the letter of each number's grade."""
+    """Return one line per material, with the letter of each number's grade."""
     grades = "; ".join(f"{grade[0]}: {grade}, {said}" for grade, said in GRADES.items())
     lines = [_numbers(materials, "").text(), "", grades, "dualbend materials NAME: the sources"]
     return "\n".join(lines) + "\n"
@@ -57,7 +57,7 @@ def markdown(materials: Mapping[str, Material]) -> str:
 
 
 def as_json(materials: Mapping[str, Material]) -> str:
-    """Return the numbers with their evidence, an object a material."""
+    """Return the numbers with their evidence, one object per material."""
     return json.dumps({n: asdict(m) for n, m in materials.items()}, indent=2) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""Commands that tell the admittance loop before it runs: stability, tune."""
+"""Commands that predict the admittance loop before a run: stability, tune."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     "--axis",
     type=click.Choice(["x", "rotation", "coupled"]),
     default="coupled",
-    help="Axes that take part.",
+    help="Axes that are included.",
 )
 @click.option(
     "--map", "map_file", type=click.Path(path_type=Path), help="PNG of the stable region in (b, k)."
@@ -47,14 +47,14 @@ if TYPE_CHECKING:
     "--confront",
     "confronted",
     is_flag=True,
-    help="Bisect the onset in the full simulation, held at some angles; takes minutes.",
+    help="Validate against simulation: bisect the onset of oscillation; takes minutes.",
 )
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder of a confrontation; what is there already is not done again.",
+    help="Folder of the onset study; cases that are in it are not run again.",
 )
-@click.option("--workers", type=click.IntRange(min=1), help="Processes of a confrontation.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes of the onset study.")
 @SETTINGS
 def stability(
     scenario: str,
@@ -70,7 +70,8 @@ def stability(
 ) -> None:
     """Predict the stability of the compliance.
 
-    Margins along the path, before any run; or, with --confront, prediction against simulation.
+    Prints the margins along the path, without a run. With --confront, compares the prediction with
+    simulations.
     """
     from dualbend.errors import InputError
     from dualbend.scenario.load import load_scenario
@@ -104,7 +105,7 @@ def _confront(
     workers: int | None,
     as_json: bool,
 ) -> None:
-    """Bisect, tell each case as it is found, and leave table and picture beside the numbers."""
+    """Bisect, print each case when it is found, and write numbers, table and picture."""
     from dualbend.study.onset.bisection import AXES, confront
     from dualbend.study.onset.figure import plot_confrontation
     from dualbend.study.onset.report import describe_case, summary, write_report
@@ -135,7 +136,9 @@ def _show_prediction(prediction: Prediction) -> None:
     click.echo(_table(prediction.rows))
     missed = [f"{row.alpha_rad:.2f}" for row in prediction.rows if not row.at_rest]
     if missed:
-        click.echo(f"no state of rest found, judged at the path's poses: {', '.join(missed)} rad")
+        click.echo(
+            f"no equilibrium found, evaluated at the poses of the path: {', '.join(missed)} rad"
+        )
     softened = max(row.softening_x for row in prediction.rows)
     click.echo(f"arms and grasps lower the stiffness along x by up to {100 * softened:.1f} %")
     for low, high in prediction.unstable_rad:
@@ -172,9 +175,9 @@ def _word(stable: bool) -> str:
 @click.command(epilog=examples("dualbend tune fig6 --out tuned.toml"))
 @click.argument("scenario", shell_complete=complete_scenarios)
 @click.option("--out", type=click.Path(path_type=Path), help="Scenario file to write.")
-@click.option("--gain-margin", type=float, default=6.0, help="Least gain margin [dB].")
-@click.option("--phase-margin", type=float, default=30.0, help="Least phase margin [deg].")
-@click.option("--seeds", type=click.IntRange(1, 20), default=3, help="Noise streams, 1 to n.")
+@click.option("--gain-margin", type=float, default=6.0, help="Minimum gain margin [dB].")
+@click.option("--phase-margin", type=float, default=30.0, help="Minimum phase margin [deg].")
+@click.option("--seeds", type=click.IntRange(1, 20), default=3, help="Noise seeds, 1 to n.")
 @SETTINGS
 def tune(
     scenario: str,
@@ -184,9 +187,9 @@ def tune(
     seeds: int,
     settings: tuple[str, ...],
 ) -> None:
-    """Find the gains with the lowest predicted moment.
+    """Search for the gains with the lowest predicted moment.
 
-    At required margins, verified by simulation. Takes a minute or two.
+    The gains keep the required margins and are verified by simulation. Takes one or two minutes.
     """
     from dualbend.errors import InputError
     from dualbend.scenario.load import load_scenario
@@ -194,7 +197,7 @@ def tune(
     from dualbend.stability.tuning import tune as search
 
     if settings and out is not None:
-        raise InputError("--out writes what differs from SCENARIO itself: put --set into a file")
+        raise InputError("--out writes the differences from SCENARIO: put --set into a file")
     least = Margin(gain_db=gain_margin, phase_deg=phase_margin)
     found = search(load_scenario(scenario, settings), least=least, seeds=range(1, seeds + 1))
     config = found.found.compliance
@@ -215,5 +218,5 @@ def tune(
         write_scenario(found, scenario, out)
         click.echo(f"{out}: run it with dualbend run {out}")
     if not found.verified.fulfils(least):
-        click.echo("dualbend: the margins of the result are below those asked for", err=True)
+        click.echo("dualbend: the margins of the result are below the required ones", err=True)
         sys.exit(EXIT_FAILED_CHECK)

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from dualbend.arm.catalog import JOINT_COUNT
-from dualbend.arm.joint_limits import arm_room
+from dualbend.arm.joint_limits import joint_limit_margins
 from dualbend.arm.model import arm_model
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
@@ -54,7 +54,7 @@ def judge_arms(scenario: str, settings: Sequence[str] = ()) -> Iterator[dict[str
         yield {
             "name": name,
             "cell": msgspec.to_builtins(ready.scenario.cell),
-            "room": msgspec.to_builtins(arm_room(ready.cell.arms, ready.checked_poses)),
+            "room": msgspec.to_builtins(joint_limit_margins(ready.cell.arms, ready.checked_poses)),
         }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from dualbend.arm.joint_limits import ArmRoom
+from dualbend.arm.joint_limits import JointLimitMargins
 from dualbend.evaluation.sheet import SheetReport
 from dualbend.report.section import Section
 from dualbend.run.record import RunRecord
@@ -61,7 +61,7 @@ def arms_section(run: RunRecord) -> Section | None:
     if not run.summary.arms:
         return None
     try:
-        arms = msgspec.convert(run.summary.arms, dict[str, ArmRoom])
+        arms = msgspec.convert(run.summary.arms, dict[str, JointLimitMargins])
     except msgspec.ValidationError as error:
         return Section("Arms", [f"The summary's arms are not readable: {error}"])
     columns: Columns = [
@@ -69,7 +69,7 @@ def arms_section(run: RunRecord) -> Section | None:
         *(quantity("nearest limit", "degrees"), "of joint"),
     ]
     rows = [
-        (side, room.arm, room.manipulability, room.room_deg, room.joint or None)
+        (side, room.arm, room.manipulability, room.margin_deg, room.joint or None)
         for side, room in arms.items()
     ]
     caption = (
