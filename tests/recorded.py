@@ -24,7 +24,7 @@ RELATIVE = 1e-8
 ABSOLUTE = {"ik_residual_max": 1e-6, "ik_rotation_residual_max": 1e-6}
 """Where the solver stops, not where the arm is."""
 MACHINE = ("wall_time", "realtime_factor")
-MODEL, RIGHT = "arm.model", "arm.right"
+MODEL, RIGHT = "robot.model", "robot.right.model"
 
 BENDING = ("fig6", "fig8", "fig9", "exact", "tuned", "tuned-exact", "springback")
 ARMS = ("ur3", "ur5", "ur10", "panda", "xarm7", "z1")

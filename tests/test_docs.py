@@ -35,7 +35,7 @@ SHORT = (
     "motion.speed_rad_per_s=1.0",
     "motion.settle_s=0.1",
     "motion.hold_s=0.1",
-    "sheet.strips.hinges=10",
+    "sheet.model.hinges=10",
     "physics.step_s=0.0035",
 )
 """What an example is shortened by: every statement runs, on a motion of half a second."""

@@ -39,7 +39,7 @@ hold_s = 0.1
 MUTATIONS = {
     "modulus": "[sheet]\nyoung_pa = 73.815e9\n",  # 5 % more
     "damping": "[compliance]\nx = { b = 7.35 }\nrotation = { b = 0.525 }\n",  # 5 % more
-    "delay": "[alter]\ndelay_cycles = 3\n",  # one cycle more
+    "delay": "[robot.alter]\ndelay_cycles = 3\n",  # one cycle more
     "fir": "[filter]\ntaps = 3\n",  # one tap more
     "untouched": "",
 }
@@ -54,7 +54,7 @@ def measured(**metrics: float | list[float | None] | None) -> Measured:
     return Measured(
         name="x",
         source="x.toml",
-        assembly=False,
+        task="bending",
         outcome="completed",
         model_sha256="m",
         scenario_sha256="s",
@@ -307,8 +307,8 @@ def test_misaligned_grips_have_peaks_out_of_the_plane() -> None:
         (place,) = places[name]
         assert place is not None
         assert place.phase == "bend"
-        assert default_tolerance(name, peak, assembly=False).size == 5e-3
-        assert better_where(name) == "lower"
+        assert default_tolerance(name, peak, "bending").size == 5e-3
+        assert better_where(name, "bending") == "lower"
     # Analytic, GJ φ/L, of the flat rod without weight between ideal grips; 2 % off are found.
     sheet = result.scenario.sheet.sheet()
     flat = result.trace["left_true_moment_x"][np.flatnonzero(bent)[0]]

@@ -169,7 +169,7 @@ def test_commanded_grips_are_carried_as_the_ik_carries_them(
     recorded: Recorded, result: RunRecord
 ) -> None:
     trace = result.trace
-    sent = carried(trace, places(trace), result.scenario.alter.delay_cycles)
+    sent = carried(trace, places(trace), result.scenario.robot.alter.delay_cycles)
     for row in (0, 2 * FRAME_CYCLES, (len(STAGES) - 2) // FRAME_CYCLES * FRAME_CYCLES):
         pose = np.array(
             [
@@ -185,7 +185,7 @@ def test_commanded_grips_are_carried_as_the_ik_carries_them(
 
 
 def test_the_compliance_is_sent_as_late_as_the_robot_takes_it(result: RunRecord) -> None:
-    trace, delay = result.trace, result.scenario.alter.delay_cycles
+    trace, delay = result.trace, result.scenario.robot.alter.delay_cycles
     late = (carried(trace, places(trace), delay) - places(trace))[:, [0, 1, 3]]
     given = np.stack([trace[f"object_deviation_{a}"] for a in ("x", "y", "yaw")], axis=1)
     assert delay == 2

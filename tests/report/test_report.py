@@ -92,9 +92,9 @@ def test_a_plate_has_its_shape_too(tmp_path: Path) -> None:
     """
     brief = ("path.end_rad=0.4", "motion.speed_rad_per_s=1.0")
     pauses = ("motion.settle_s=0.1", "motion.hold_s=0.1", "sheet.model=shell")
-    cells = ("sheet.shell.cells_along=8", "sheet.shell.cells_across=2")
+    cells = ("sheet.model.cells_along=8", "sheet.model.cells_across=2")
     run = load_run(leave(tmp_path / "plate", "fig8", *brief, *pauses, *cells))
-    assert run.scenario.sheet.strips.hinges != run.scenario.sheet.sections == 8
+    assert run.scenario.sheet.model.sections == 8
     for row in bending_rows(run)[::3].tolist():
         s, x, z = sheet_points(run, row)
         assert s.shape == x.shape == z.shape == (10,)
@@ -140,8 +140,11 @@ def test_phases_follow_each_other_without_a_gap(top: Path) -> None:
 
 def test_settings_tell_what_differs_from_the_defaults() -> None:
     found = {s.key: s for s in settings_of(load_scenario("fig8", ["sensor.latency_ms=0"]))}
-    assert found["alter.delay_cycles"].changed
-    assert (found["alter.delay_cycles"].value, found["alter.delay_cycles"].default) == ("2", "1")
+    assert found["robot.alter.delay_cycles"].changed
+    assert (found["robot.alter.delay_cycles"].value, found["robot.alter.delay_cycles"].default) == (
+        "2",
+        "1",
+    )
     assert not found["sensor.latency_ms"].changed
     assert found["sheet.length_m"].default == "required"
     # Units that another key chooses.

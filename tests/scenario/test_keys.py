@@ -71,10 +71,11 @@ def test_a_value_reads_back(value: object) -> None:
 
 
 def test_the_sections_hold_every_key_of_the_code() -> None:
-    """Against another source: msgspec's own dictionary of a scenario that has every section."""
+    """Against another source: msgspec's own dictionaries of scenarios that have every section."""
     full = load_scenario(
         "pwb",
         [
+            "compliance.kind=model",
             "compliance.units=sheet",
             "compliance.x={b=1.0,k=1.0,form='static'}",
             "compliance.rotation={b=1.0,k=1.0,form='static'}",
@@ -99,6 +100,16 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
     crooked = load_scenario("fig6", ["misalignment={left={},right={}}"]).misalignment
     held = walk(msgspec.to_builtins(full), "") - {"misalignment"}
     held |= walk(msgspec.to_builtins(crooked), "misalignment.")
+    for kinds in (
+        ["path=piecewise", "filter=iir"],
+        ["path.kind=pieces", "path.pieces=2", "filter=none", "compliance=none"],
+        ["path=approximate", "sheet.model=shell"],
+        ["path.kind=table", "path.table=[[0,0.2,0],[1.1,0.16,0.1]]"],
+    ):
+        held |= walk(msgspec.to_builtins(load_scenario("fig6", kinds)), "") - {
+            *("assembly", "misalignment", "cell.left", "cell.right"),
+            *("compliance.x", "compliance.rotation"),
+        }
     named = {".".join((*s.path, key.name)) for s in sections() for key in s.keys}
     assert named == held
 
@@ -138,9 +149,9 @@ def test_shipped_scenarios_are_valid(name: str) -> None:
         ('extends = "fig6"\nlenght = 1', "lenght"),
         ('extends = "fig6"\n[sheet]\nlenght_m = 0.4', "lenght_m"),
         ('extends = "fig6"\n[sheet]\nlength_m = 4', "maximum"),
-        ('extends = "fig6"\n[alter]\ndelay_cycles = 1.5', "integer"),
+        ('extends = "fig6"\n[robot.alter]\ndelay_cycles = 1.5', "integer"),
         ('extends = "fig6"\n[path]\nkind = "straight"', "straight"),
-        ('extends = "fig6"\n[servo]\nstiffness_n_m_per_rad = [1.0]', "not valid"),
+        ('extends = "fig6"\n[robot.servo]\nstiffness_n_m_per_rad = [1.0]', "not valid"),
         ('extends = "fig6"\nname = "a b"', "a b"),
         ('name = "a"\n[path]', "sheet"),
         ('name = "a"\n[path]\n[sheet]\nlength_m = 0.4', "width_m"),
@@ -163,7 +174,9 @@ def test_the_schema_refuses_what_the_loader_refuses(text: str, words: str, tmp_p
     [
         'extends = "fig8"\nname = "a"\n[compliance]\nx = "none"',
         'extends = "fig9"\n[compliance]\nx = { b = 0.3 }',
-        'extends = "fig6"\n[path]\ninterval_rad = "none"\npieces = 4',
+        'extends = "fig6"\n[path]\nkind = "pieces"\npieces = 4',
+        'extends = "fig6"\nfilter = "none"\n[sheet]\nmodel = "shell"',
+        'extends = "fig6"\n[sheet.model]\nkind = "shell"\ncells_along = 12',
         'extends = "fig6"\nseed = 9',
     ],
 )
@@ -226,24 +239,35 @@ def test_a_new_scenario_names_every_key_and_hides_the_defaults() -> None:
             assert f"\n#{key.name} = " in text or f"\n{key.name} = " in text
     assert max(map(len, text.replace("description = ", "\n").splitlines())) <= 110
     loaded = tomllib.loads(text)
-    by_title = {section.title: section for section in sections()}
+    base = load_scenario("fig6")
+    by_title = {section.title: section for section in sections() if section.of(base) is not None}
     for title in ("motion", "cell", "path"):
         defaults = {key.name: key.default for key in by_title[title].keys}
         for name, value in loaded[title].items():
             assert defaults[name] is REQUIRED or defaults[name] != value
 
 
-@pytest.mark.parametrize("left_off", ["assembly", "misalignment"])
-def test_what_is_switched_on_by_its_header_loads(left_off: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("base", "left_off"), [("fig6", "assembly"), ("fig6", "misalignment"), ("tuned", "assembly")]
+)
+def test_what_is_switched_on_by_its_header_loads(base: str, left_off: str, tmp_path: Path) -> None:
     """A section that is off holds values that load when all its comment signs go.
 
-    Of two sections that exclude each other, one stays off.
+    Of two sections that exclude each other one stays off, and so does what is of another kind.
     """
-    text = re.sub(r"^#(?=\[)", "", scenario_text("mine"), flags=re.MULTILINE)
+    kind = load_scenario(base).compliance.kind
+
+    def of_another_kind(block: str) -> bool:
+        belongs = re.search(r"with kind = (.*)\.", block.replace("\n# ", " "))
+        if belongs and f'"{kind}"' not in belongs.group(1):
+            return True
+        return "\n#[" in block and "\n#kind = " in block
+
+    blocks = scenario_text("mine", base).split("\n\n")
+    text = "\n\n".join(block for block in blocks if not of_another_kind(block))
+    text = re.sub(r"^#(?=\[)", "", text, flags=re.MULTILINE)
     text = re.sub(HIDDEN, "", text, flags=re.MULTILINE)
     text = re.sub(rf"^\[{left_off}.*\n(?:(?!\[).*\n)*", "", text, flags=re.MULTILINE)
-    # A schedule, which is among them, has units of its own.
-    text = text.replace('units = "paper"', 'units = "sheet"')
     path = tmp_path / "mine.toml"
     path.write_text(text, encoding="utf-8")
     found = load_scenario(str(path))

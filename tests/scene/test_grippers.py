@@ -42,9 +42,8 @@ class Bench:
         """Start anew with the sheet this far from where the arms believe it."""
         flat = np.zeros(SCENARIO.sheet.strips.hinges + 1)
         self.cell.response.reset(self.cell.home)
-        self.cell.simulation.reset(
-            self.cell.home, OPEN_M, flat, self.middle + np.array([x, y, 0.0]), yaw
-        )
+        simulation, middle = self.cell.simulation, self.middle + np.array([x, y, 0.0])
+        simulation.reset(simulation.positions(self.cell.home, OPEN_M, flat, middle, yaw))
         self.jaws.reset(OPEN_M)
 
     def go(self, opening: float, cycles: int) -> None:

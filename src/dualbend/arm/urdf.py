@@ -88,13 +88,13 @@ def package_folder(package: str) -> Path:
         installed = metadata.distribution(package)
     except metadata.PackageNotFoundError as error:
         raise InputError(
-            f"arm.model: the arms' files are in the package {package}, which is not installed: "
-            f"pip install {package}; without it there is arm.model = 'puma560'"
+            f"robot.model: the arms' files are in the package {package}, which is not installed: "
+            f"pip install {package}; without it there is robot.model = 'puma560'"
         ) from error
     folder = Path(str(installed.locate_file(f"cmeel.prefix/share/{package}")))
     if not (folder / "robots").is_dir():
         raise InputError(
-            f"arm.model: the package {package} {installed.version} has no robots in {folder}: "
+            f"robot.model: the package {package} {installed.version} has no robots in {folder}: "
             f"pip install --force-reinstall {package}"
         )
     return folder

@@ -74,16 +74,14 @@ def robustness(
         length=0, label=loaded.name, file=sys.stderr, hidden=not sys.stderr.isatty()
     ) as bar:
 
-        def show(count: int, total: int) -> None:
+        def show(count: int, total: int, _: object) -> None:
             nonlocal done
             bar.length = total
             bar.update(count - done)
             done = count
 
         try:
-            trials = run_study(
-                loaded, folder, runs=runs, seed=seed, workers=processes, on_trial=show
-            )
+            trials = run_study(loaded, folder, runs=runs, seed=seed, workers=processes, on_run=show)
         except KeyboardInterrupt:
             interrupted = True
     if interrupted:

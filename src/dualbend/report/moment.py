@@ -12,7 +12,6 @@ from dualbend.evaluation.recorded_rod import recorded_rods
 from dualbend.evaluation.sheet import no_oracle
 from dualbend.report.plot import Axis, Colour, Curve, Plot, Ranges
 from dualbend.run.record import RunRecord
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 
 Rows = NDArray[np.intp]
@@ -70,7 +69,7 @@ def moment_curves(run: RunRecord) -> list[Curve]:
 
 def reference_on_path(scenario: Scenario) -> Curve:
     """Return the rod's end moment [mN m] between grippers that follow the nominal path exactly."""
-    sheet, path = scenario.sheet.sheet(), make_path(scenario.path, scenario.sheet.length_m)
+    sheet, path = scenario.sheet.sheet(), scenario.path.make(scenario.sheet.length_m)
     start = max(float(path.knots[0]), _FIRST_RAD)
     grid = np.linspace(start, float(path.knots[-1]), _POINTS)
     alphas = np.union1d(grid, path.knots[path.knots > start])
@@ -102,7 +101,7 @@ def reference_at_ends(run: RunRecord) -> Curve:
 
 def knots_of(scenario: Scenario) -> list[float]:
     """Return the end slopes where the pieces of a scenario's path meet [rad]."""
-    knots: list[float] = make_path(scenario.path, scenario.sheet.length_m).knots.tolist()
+    knots: list[float] = scenario.path.make(scenario.sheet.length_m).knots.tolist()
     return knots
 
 

@@ -45,7 +45,7 @@ def judge_arms(scenario: str, settings: Sequence[str] = ()) -> Iterator[dict[str
     ``refused`` the reason of an arm that cannot do it.
     """
     for name in JOINT_COUNT:
-        both = (f'arm.model="{name}"', "arm.left=none", "arm.right=none")
+        both = (f'robot.model="{name}"', "robot.left.model=none", "robot.right.model=none")
         try:
             ready = make_run(load_scenario(scenario, (*settings, *both)))
         except InputError as error:

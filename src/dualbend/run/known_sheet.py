@@ -17,7 +17,7 @@ from dualbend.beam.rod.tangent import sheet_tangent, solve_grips
 from dualbend.beam.sheet import Sheet
 from dualbend.control.alter import AlterConfig
 from dualbend.control.clock import steps_per_cycle
-from dualbend.control.compliance.admittance import Admittance
+from dualbend.control.compliance.admittance import Admittance, ModelAdmittanceConfig
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.compliance.schedule import KnownSheet
@@ -25,11 +25,10 @@ from dualbend.errors import InputError
 from dualbend.mechanics.tool import tool_inertia
 from dualbend.run.arms import arm_pair, joint_stiffness, one_kind
 from dualbend.scenario.scenario import Scenario
-from dualbend.scenario.sections import ArmsConfig
 from dualbend.scenario.sheet import SheetConfig
 from dualbend.scene.cell import CellConfig, GraspConfig, robots_only
 from dualbend.scene.ik import InverseKinematics, grip_targets
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Side, Vector
 
 _FIRST_RAD, _DENSE_TO_RAD, _DENSE_RAD, _STEP_RAD = 0.01, 0.1, 0.005, 0.025
 """The tables' angles: denser where the stiffness falls steeply."""
@@ -46,12 +45,12 @@ def make_admittance(scenario: Scenario) -> Admittance:
     Raises InputError where the model's states are not found or out of reach.
     """
     config = scenario.compliance
-    if not config.modelled:
+    if not isinstance(config, ModelAdmittanceConfig) or not config.modelled:
         return Admittance(config)
     step_s = scenario.physics.step_s
     models = [
         ResponseModel(
-            response=scenario.response,
+            response=scenario.robot.response,
             low_pass=scenario.filter,
             delay_cycles=delay_cycles,
             steps=steps_per_cycle(step_s),
@@ -59,12 +58,12 @@ def make_admittance(scenario: Scenario) -> Admittance:
             age_steps=max(scenario.sensor.latency_steps(step_s), 1),
             channels=channels,
         )
-        for delay_cycles, channels in ((scenario.alter.delay_cycles, 2), (0, 3))
+        for delay_cycles, channels in ((scenario.robot.alter.delay_cycles, 2), (0, 3))
     ]
     return ModelAdmittance(
         config,
         known=known_sheet(scenario),
-        response=scenario.response,
+        response=scenario.robot.response,
         own=models[0],
         nominal=models[1],
     )
@@ -78,8 +77,8 @@ def known_sheet(scenario: Scenario) -> KnownSheet:
         one_kind(arm_pair(scenario), "a model in the compliance"),
         tuple(joint_stiffness(scenario).tolist()),
         scenario.grasp,
-        scenario.arms,
-        scenario.alter,
+        (scenario.compliance.sensing, scenario.compliance.complying),
+        scenario.robot.alter,
         scenario.path.start_rad,
         scenario.path.end_rad,
         scenario.sensor.lever_arm_m,
@@ -93,15 +92,14 @@ def _known_sheet(
     pair: ArmPair,
     stiffness: tuple[float, ...],
     grasp: GraspConfig,
-    arms: ArmsConfig,
+    sides: tuple[tuple[Side, ...], tuple[Side, ...]],
     alter: AlterConfig,
     start_rad: float,
     end_rad: float,
     lever_arm_m: float,
 ) -> KnownSheet:
     sheet, give = sheet_config.sheet(), ArmGive(pair, stiffness, grasp)
-    sensing = [i for i, side in enumerate(SIDES) if side in arms.sensing]
-    complying = [i for i, side in enumerate(SIDES) if side in arms.complying]
+    sensing, complying = ([i for i, side in enumerate(SIDES) if side in of] for of in sides)
     rows = []
     state: RodState | None = None
     offset_m = 0.0

@@ -123,7 +123,7 @@ class RunRecord:
     @property
     def sensing_side(self) -> Side:
         """The sensing arm that the summary speaks of: the left one where both sense."""
-        return next(side for side in SIDES if side in self.scenario.arms.sensing)
+        return next(side for side in SIDES if side in self.scenario.compliance.sensing)
 
     @cached_property
     def summary(self) -> Summary:

@@ -11,24 +11,23 @@ from typing import Annotated, Any
 import msgspec
 import tomli_w
 
-from dualbend.arm.catalog import JOINT_COUNT
 from dualbend.beam import elastica
-from dualbend.control.alter import AlterConfig
-from dualbend.control.compliance.admittance import AdmittanceConfig
-from dualbend.control.filters import LowPassConfig
+from dualbend.control.compliance.admittance import AdmittanceConfig, ComplianceConfig
+from dualbend.control.filters import FirConfig, LowPassConfig
 from dualbend.control.force_torque import ForceTorqueConfig
 from dualbend.control.guard import GuardConfig
-from dualbend.control.response import CommandResponseConfig
-from dualbend.control.servo import JointServoConfig
-from dualbend.errors import InputError
 from dualbend.scenario.assembly import DEFAULT_YIELD_PA, AssemblyConfig
 from dualbend.scenario.misalignment import SHORTEST_SETTLE_S, MisalignmentConfig
 from dualbend.scenario.motion import MotionConfig, make_time_law
-from dualbend.scenario.path import PathConfig, make_path
-from dualbend.scenario.sections import ArmConfig, ArmsConfig, ExpectConfig, PhysicsConfig
+from dualbend.scenario.path import PathConfig
+from dualbend.scenario.sections import (
+    ExpectConfig,
+    PhysicsConfig,
+    RobotConfig,
+    check_joint_counts,
+)
 from dualbend.scenario.sheet import SheetConfig
 from dualbend.scene.cell import CellConfig, GraspConfig
-from dualbend.types import SIDES
 
 LONGEST_RUN_S = 3600.0
 """A run of an hour holds some 10⁵ cycles in memory."""
@@ -55,14 +54,10 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     motion: MotionConfig = MotionConfig()
     cell: CellConfig = CellConfig()
     grasp: GraspConfig = GraspConfig()
-    arm: ArmConfig = ArmConfig()
-    arms: ArmsConfig = ArmsConfig()
-    response: CommandResponseConfig = CommandResponseConfig()
-    servo: JointServoConfig = JointServoConfig()
-    alter: AlterConfig = AlterConfig()
+    robot: RobotConfig = RobotConfig()
     sensor: ForceTorqueConfig = ForceTorqueConfig()
-    filter: LowPassConfig = LowPassConfig()
-    compliance: AdmittanceConfig = AdmittanceConfig()
+    filter: LowPassConfig = FirConfig()
+    compliance: ComplianceConfig = AdmittanceConfig()
     assembly: AssemblyConfig | None = None
     misalignment: MisalignmentConfig | None = None
     guard: GuardConfig = GuardConfig()
@@ -71,9 +66,9 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     def __post_init__(self) -> None:
         """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""
-        self._refuse_joint_counts()
+        check_joint_counts(self.robot, self.cell)
         self._refuse_what_no_assembly_has()
-        self._refuse_unfit_table()
+        self.path.make(self.sheet.length_m)  # refuses a table that does not suit the sheet
         self._resolve_curvature()
         law = make_time_law(self.path, self.motion)
         total = self.motion.settle_s + law.duration_s + self.motion.hold_s
@@ -104,7 +99,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             raise ValueError(
                 "sheet.plastic = true: an assembly ends where the sheet would yield; not both"
             )
-        if self.sheet.model == "shell":
+        if self.sheet.model.kind == "shell":
             raise ValueError(
                 'sheet.model = "shell" has no holes and no contact: an assembly needs "strips"'
             )
@@ -118,29 +113,6 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 f"motion.return_rad = {self.motion.return_rad} is for a sheet that is bent between "
                 "two grips; an assembly lays it and does not go back"
             )
-
-    def _refuse_unfit_table(self) -> None:
-        """Only a table can be at odds with the sheet: the other paths are made of its length."""
-        if self.path.kind != "table":
-            return
-        try:
-            make_path(self.path, self.sheet.length_m)
-        except InputError as error:
-            raise ValueError(str(error)) from error
-
-    def _refuse_joint_counts(self) -> None:
-        for side in SIDES:
-            name, stand = self.arm.of(side), getattr(self.cell, side) or self.cell
-            for key, values in (
-                ("servo.stiffness_n_m_per_rad", self.servo.stiffness_n_m_per_rad),
-                ("cell.home_rad", self.cell.home_rad),
-                (f"cell.{side}.home_rad", stand.home_rad),
-            ):
-                if values is not None and len(values) != JOINT_COUNT[name]:
-                    raise ValueError(
-                        f"{key} has {len(values)} values, the {side} arm {name!r} has "
-                        f"{JOINT_COUNT[name]} joints"
-                    )
 
     def _resolve_curvature(self) -> None:
         """Take the width's rigidity at the path's largest curvature, (4 K/L) sin(α/2)."""

@@ -16,11 +16,10 @@ from dualbend.beam.rod.tangent import sheet_wrench
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.control.compliance.predictor import ResponseModel
-from dualbend.control.filters import LowPass, LowPassConfig
+from dualbend.control.filters import LowPass, NoFilterConfig
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.run.known_sheet import ArmGive, known_sheet
 from dualbend.scenario.motion import PHASES, nominal_motion
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.plant.equilibrium import rest
 from dualbend.types import Vector
@@ -46,15 +45,15 @@ class PathPrediction:
         self._now = self._nominal_motion(1)
         self._read = self._nominal_motion(self._age_steps)
         self._wrench = self._nominal_wrench()
-        knots = make_path(scenario.path, scenario.sheet.length_m).knots
+        knots = scenario.path.make(scenario.sheet.length_m).knots
         piece = np.searchsorted(knots, motion.alpha_rad, side="right") - 1
         self._piece = np.clip(piece, 0, len(knots) - 2)
         self._bend = motion.phase == PHASES.index("bend")
 
     def _model(self, *, delay_cycles: int, channels: int, age_steps: int) -> ResponseModel:
         return ResponseModel(
-            response=self.scenario.response,
-            low_pass=LowPassConfig(kind="none"),
+            response=self.scenario.robot.response,
+            low_pass=NoFilterConfig(),
             delay_cycles=delay_cycles,
             steps=steps_per_cycle(self.scenario.physics.step_s),
             age_steps=age_steps,
@@ -110,7 +109,7 @@ class PathPrediction:
     def _moments(self, admittance: Admittance | None, noise: Vector) -> Vector:
         if admittance is None:
             return np.asarray(self._wrench[:, 2])
-        delay, lever = self.scenario.alter.delay_cycles, self.scenario.sensor.lever_arm_m
+        delay, lever = self.scenario.robot.alter.delay_cycles, self.scenario.sensor.lever_arm_m
         now = self._model(delay_cycles=delay, channels=2, age_steps=1)
         read = self._model(delay_cycles=delay, channels=2, age_steps=self._age_steps)
         low_pass = LowPass(self.scenario.filter, 3)

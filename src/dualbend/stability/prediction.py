@@ -117,7 +117,7 @@ def acting_angles(
     """
     names = [name for name in SINGLE_AXES if axis in (name, "coupled")]
     parts = [part for name in names if (part := getattr(elements.admittance, name)) is not None]
-    if not scenario.arms.complying or not parts:
+    if not scenario.compliance.complying or not parts:
         of = (
             ""
             if axis == "coupled"

@@ -59,9 +59,9 @@ class LoopElements:
         """Build the elements from the configurations that the run builds them from."""
         step_s = scenario.physics.step_s
         return cls(
-            response=CommandResponse(scenario.response, 1, steps_per_cycle(step_s)),
+            response=CommandResponse(scenario.robot.response, 1, steps_per_cycle(step_s)),
             low_pass=LowPass(scenario.filter, 1),
-            delay=TransportDelay(scenario.alter.delay_cycles, 1),
+            delay=TransportDelay(scenario.robot.alter.delay_cycles, 1),
             admittance=make_admittance(scenario),
             # As in scene.simulation: the force that acts during a step is known when it is done.
             age_steps=max(scenario.sensor.latency_steps(step_s), 1),

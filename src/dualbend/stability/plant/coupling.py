@@ -32,13 +32,13 @@ class Coupling:
     def of(cls, scenario: Scenario, alpha_rad: float) -> Coupling:
         """Follow ComplianceController: an arm without a sensor follows the first with one.
 
-        ``alter.mode`` says along what δx is executed; a lever arm that is believed wrongly mixes
-        forces into the moment.
+        ``robot.alter.mode`` says along what δx is executed; a lever arm that is believed wrongly
+        mixes forces into the moment.
         """
-        sensing = [i for i, side in enumerate(SIDES) if side in scenario.arms.sensing]
-        complying = [i for i, side in enumerate(SIDES) if side in scenario.arms.complying]
+        sensing = [i for i, side in enumerate(SIDES) if side in scenario.compliance.sensing]
+        complying = [i for i, side in enumerate(SIDES) if side in scenario.compliance.complying]
         modes = {"world": 0.0, "tool": alpha_rad, "tool-frozen": scenario.path.start_rad}
-        phi = modes[scenario.alter.mode]
+        phi = modes[scenario.robot.alter.mode]
         error = LEVER_ARM_M - scenario.sensor.lever_arm_m
         c, s = math.cos(alpha_rad), math.sin(alpha_rad)
         taken = scenario.compliance.reference

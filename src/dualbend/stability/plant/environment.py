@@ -18,7 +18,6 @@ from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.errors import InputError
 from dualbend.mechanics.series import in_series
 from dualbend.run.known_sheet import make_admittance, zero_moment
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.plant.arm import Joints, YieldingArm
 from dualbend.stability.plant.coupling import Coupling, ModeName
@@ -63,7 +62,7 @@ def environments(
     Raises InputError where the sheet's state is not found or a pose is out of the arms' reach.
     """
     sheet = scenario.sheet.sheet()
-    path = make_path(scenario.path, sheet.length_m)
+    path = scenario.path.make(sheet.length_m)
 
     def nominal(alpha: float) -> Vector:
         half_distance, rise = path.at(alpha)

@@ -11,6 +11,7 @@ ASSEMBLY = Task(
     metrics="dualbend.task.assembly.metrics:metrics",
     tables="dualbend.task.assembly.metrics:tables",
     peaks="dualbend.task.assembly.metrics:peaks",
+    tolerances="dualbend.task.assembly.tolerances:TOLERANCES",
     report="dualbend.task.assembly.report:sections_of",
     recording="dualbend.task.assembly.recording:LAYERS",
 )

@@ -161,7 +161,7 @@ class AssemblyLayers(Layers):
     def places(self, result: RunRecord) -> tuple[Vector, Vector]:
         """Return where the bending frames are to be and were sent (rows, 4): x, y, z [m], yaw."""
         there = places(result.trace)
-        return there, carried(result.trace, there, result.scenario.alter.delay_cycles)
+        return there, carried(result.trace, there, result.scenario.robot.alter.delay_cycles)
 
     def views(self, result: RunRecord) -> Views:
         """Return the views of the cell and the bed, and of each pin as tabs."""
@@ -195,7 +195,7 @@ class AssemblyLayers(Layers):
                 return
             data.qpos[:] = result.trace.qpos[supplied - 1]
             mujoco.mj_kinematics(model, data)
-            for i in range(result.scenario.sheet.strips.hinges + 1):
+            for i in range(result.scenario.sheet.model.sections + 1):
                 mocap = model.body_mocapid[model.body(laid_body(number, i)).id]
                 strip = model.body(strip_body(i)).id
                 # A strip's centre of mass is its plate's middle.

@@ -26,7 +26,6 @@ from dualbend.run.cell import RobotCell
 from dualbend.run.loop import Run
 from dualbend.run.outcome import TaskStopped
 from dualbend.scenario.assembly import ErrorsConfig
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.scene.bed.pin_contacts import PinContacts
@@ -75,9 +74,9 @@ def assembly_plan(scenario: Scenario) -> AssemblyPlan:
     source = f"scenario {scenario.name!r}"
     if config is None:
         raise InputError(f"{source}: no section [assembly]: there is nothing to plan")
-    if config.compliance is not None and len(scenario.arms.sensing) < len(SIDES):
+    if config.compliance is not None and len(scenario.compliance.sensing) < len(SIDES):
         raise InputError(
-            f"{source}: arms.sensing = {list(scenario.arms.sensing)}: "
+            f"{source}: compliance.sensing = {list(scenario.compliance.sensing)}: "
             f"assembly.compliance needs the net force of both arms, {list(SIDES)}"
         )
     strain = scenario.limit_strain
@@ -113,7 +112,7 @@ class AssemblyRun(Run):
         self.scenario = scenario
         assert scenario.assembly is not None
         self.config, sheet = scenario.assembly, scenario.sheet.sheet()
-        self._path = make_path(scenario.path, sheet.length_m)
+        self._path = scenario.path.make(sheet.length_m)
         limit = scenario.limit_strain
         assert limit is not None  # an assembly has one
         self.program = AssemblyProgram(
@@ -138,7 +137,7 @@ class AssemblyRun(Run):
         self.pins = PinContacts(
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
-        simulation.watch = self
+        simulation.on_step = self.on_step
         if self.config.compliance is not None:
             self.stiffness = self._stiffness(cell)
             self._mobility = self._rate(self.config.compliance) / self.stiffness
@@ -189,20 +188,21 @@ class AssemblyRun(Run):
         """Number of command cycles, at most."""
         return round(self.config.sheets * LONGEST_S / COMMAND_PERIOD_S)
 
-    def look(self) -> None:
-        """Look at pins and jaws after every physics step."""
-        self.pins.look()
-        self.grippers.look()
+    def on_step(self) -> None:
+        """Follow pins and jaws after every physics step."""
+        self.pins.on_step()
+        self.grippers.on_step()
 
     def start(self) -> SensorSample:
         """Put the arms beside the stand, jaws open, and a sheet upon it."""
-        cell = self.cell
+        cell, opening = self.cell, self.config.jaw_opening_m
         cell.response.reset(cell.home)
-        flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
-        sample = cell.simulation.reset(
-            cell.home, self.config.jaw_opening_m, flat, *self._on_the_stand()
+        flat = np.zeros(self.scenario.sheet.model.sections + 1)
+        simulation = cell.simulation
+        sample = simulation.reset(
+            simulation.positions(cell.home, opening, flat, *self._on_the_stand())
         )
-        self.grippers.reset(self.config.jaw_opening_m)
+        self.grippers.reset(opening)
         self.pins.peaks()
         self.laid = []
         return sample
@@ -216,7 +216,7 @@ class AssemblyRun(Run):
     def _supply(self) -> None:
         """Leave the laid sheet where it is and put the next one on the stand."""
         self.pins.lay(len(self.laid) - 1)
-        flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
+        flat = np.zeros(self.scenario.sheet.model.sections + 1)
         self.cell.simulation.put_sheet(flat, *self._on_the_stand())
 
     def _rate(self, compliance: ObjectComplianceConfig) -> float:
@@ -224,7 +224,7 @@ class AssemblyRun(Run):
         scenario, step_s = self.scenario, self.scenario.physics.step_s
         elements = [
             LowPass(scenario.filter).transfer_function(),
-            TransportDelay(scenario.alter.delay_cycles, 1).transfer_function(),
+            TransportDelay(scenario.robot.alter.delay_cycles, 1).transfer_function(),
             self.cell.response.transfer_function(),
         ]
         age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
@@ -253,7 +253,7 @@ class AssemblyRun(Run):
         self._admittance = (
             None if compliance is None else ObjectAdmittance(compliance, BENDS, self._mobility)
         )
-        self._delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
+        self._delay = TransportDelay(self.scenario.robot.alter.delay_cycles, 3)
         self._task = self.program.begin()
         super().begin(on_cycle)
 
@@ -340,7 +340,7 @@ class AssemblyRun(Run):
 
     def _surface_strain(self) -> float:
         """Return the largest surface strain, ε = |Δθ| t / (2 h)."""
-        sheet, hinges = self.cell.sheet, self.scenario.sheet.strips.hinges
+        sheet, hinges = self.cell.sheet, self.scenario.sheet.model.sections
         curvature = np.abs(self.cell.simulation.bending_angles).max() * hinges / sheet.length_m
         return float(0.5 * sheet.thickness_m * curvature)
 

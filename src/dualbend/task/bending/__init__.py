@@ -10,5 +10,6 @@ BENDING = Task(
     run="dualbend.task.bending.run:BendingRun",
     metrics="dualbend.task.bending.metrics:metrics",
     peaks="dualbend.task.bending.metrics:peaks",
+    tolerances="dualbend.task.bending.tolerances:TOLERANCES",
     report="dualbend.task.bending.report:sections_of",
 )

@@ -89,8 +89,8 @@ def permanent_set(result: RunRecord) -> dict[str, Metric]:
     if not kept.size:
         return {name: Metric(None, unit) for name, unit in _SET_UNITS.items()}
     last = np.abs(kept[-1])
-    strained = np.abs(result.trace.bends).max(axis=0) * sheet.strips.hinges / sheet.length_m
-    slope = float(abs(kept[-1].sum())) * sheet.length_m / sheet.strips.hinges / 2.0
+    strained = np.abs(result.trace.bends).max(axis=0) * sheet.model.sections / sheet.length_m
+    slope = float(abs(kept[-1].sum())) * sheet.length_m / sheet.model.sections / 2.0
     numbers = (float(last.max()), slope, float(strained[np.argmax(last)]))
     return {
         name: Metric(finite(number), unit)
