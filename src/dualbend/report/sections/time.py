@@ -13,10 +13,10 @@ from dualbend.run.record import RunRecord
 from dualbend.table import Column, Table, quantity
 from dualbend.types import SIDES
 
-_OnBothArms = tuple[Axis, float, tuple[tuple[str, str], ...], str]
+OnBothArms = tuple[Axis, float, tuple[tuple[str, str], ...], str]
 """Axis, its units in one of the trace, names and endings of the columns, caption."""
 
-_WRENCH: tuple[_OnBothArms, ...] = (
+_WRENCH: tuple[OnBothArms, ...] = (
     (
         Axis("force", "N"),
         1.0,
@@ -32,37 +32,15 @@ _WRENCH: tuple[_OnBothArms, ...] = (
         "gripper towards a larger angle.",
     ),
 )
-_OUT_OF_PLANE: tuple[_OnBothArms, ...] = (
-    (
-        Axis("lateral force", "N"),
-        1.0,
-        (("across", "true_force_y"),),
-        "True force across the sheet on each gripper, along y of that arm's bending frame. "
-        "Shaded: every second phase.",
-    ),
-    (
-        Axis("moment out of the plane", "mN m"),
-        1e3,
-        (("about x (twist)", "true_moment_x"), ("about z (yaw)", "true_moment_z")),
-        "True moment on each gripper about x (inward: it twists the sheet) and z (up) of that "
-        "arm's bending frame, at the gripper's centre.",
-    ),
-)
 
 
 def wrench_section(over_time: OverTime) -> Section:
     """Return the forces and moments on both arms over time."""
-    return Section("Wrench on both arms", [_panels(over_time, _WRENCH)])
+    return Section("Wrench on both arms", [panels_by_side(over_time, _WRENCH)])
 
 
-def misalignment_section(over_time: OverTime) -> Section | None:
-    """Return the wrench out of the bending plane; None where no grip is misaligned."""
-    if over_time.run.scenario.misalignment is None:
-        return None
-    return Section("Misaligned grips", [_panels(over_time, _OUT_OF_PLANE)])
-
-
-def _panels(over_time: OverTime, shown: Sequence[_OnBothArms]) -> Panels:
+def panels_by_side(over_time: OverTime, shown: Sequence[OnBothArms]) -> Panels:
+    """Return plots over time of both arms beside each other."""
     return Panels(
         [
             over_time.figure(axis, over_time.curves_by_side(columns, factor), caption)
