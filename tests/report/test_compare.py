@@ -16,6 +16,7 @@ from dualbend.run.saved import load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 
+FOUR_PIECES = 'path={kind="pieces",pieces=4,end_rad=0.4}'
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
 
 

@@ -22,7 +22,7 @@ from dualbend.report.moment import (
     reference_at_ends,
 )
 from dualbend.report.over_time import OverTime
-from dualbend.report.page import chapter, page_of, report, write_report
+from dualbend.report.page import chapter, common_sections, page_of, report, write_report
 from dualbend.report.plot import Axis, Curve, Plot
 from dualbend.report.section import Chapter, Details, Figure, Section, Verdict
 from dualbend.report.sections.settings import settings_of
@@ -235,6 +235,11 @@ def test_runs_beside_each_other_have_one_scale(top: Path) -> None:
     assert len(panels) == 2
     assert panels[0]["x"]["range"] == panels[1]["x"]["range"]
     assert panels[0]["y"]["range"] == panels[1]["y"]["range"]
+
+
+def test_a_task_without_sections_has_the_common_ones(fig8: RunRecord) -> None:
+    titles = [section.title for section in common_sections(fig8) if section is not None]
+    assert titles == ["Metrics", "Phases", "Wrench on both arms"]
 
 
 def test_an_assembly_has_its_own_sections(top: Path) -> None:

@@ -152,17 +152,15 @@ def _show_prediction(prediction: Prediction) -> None:
 
 
 def _table(rows: Sequence[Row]) -> str:
-    from dualbend.table import Column, Table
+    from dualbend.table import Columns, Table, quantity
 
-    def right(name: str, spec: str) -> Column:
-        return Column(name, format=spec, right=True)
-
-    columns = (
-        *(right("rad", ".2f"), right("N/mm", ".3f"), right("N m/rad", ".3f"), Column("verdict")),
-        *(right("gain\nmargin", ".2f"), right("phase\ndeg", ".0f"), right("delay\nms", ".0f")),
-        *(right("Hz", ".2f"), right("damping", ".2f"), right("growth\n1/s", ".2f")),
-        *(Column("(23)"), Column("delayed")),
+    numbers = (
+        *(("rad", ".2f"), ("N/mm", ".3f"), ("N m/rad", ".3f"), ("gain\nmargin", ".2f")),
+        *(("phase\ndeg", ".0f"), ("delay\nms", ".0f"), ("Hz", ".2f"), ("damping", ".2f")),
+        ("growth\n1/s", ".2f"),
     )
+    found = [quantity(name, spec=spec) for name, spec in numbers]
+    columns: Columns = [*found[:3], "verdict", *found[3:], "(23)", "delayed"]
     lines = [
         (
             *(row.alpha_rad, row.stiffness_x_n_per_m / 1e3, row.stiffness_rotation_nm_per_rad),

@@ -13,7 +13,7 @@ from dualbend.arm.model import arm_model
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
-from dualbend.table import Code, Column, Table
+from dualbend.table import Code, Table, quantity
 
 _LISTED = (
     *("name", "joint_names", "payload_kg", "reach_m", "range_rad", "speed_limit_rad_per_s"),
@@ -68,8 +68,8 @@ def table_text(rows: Sequence[dict[str, Any]]) -> str:
         reach, payload = f"{row['reach_m']:.3g} m", f"{row['payload_kg']:.3g} kg"
         lines.append((row["name"], row["joints"], reach, payload, row["source"]))
         lines += [("", "", "", "", note) for note in _grade(row)]
-    numbers = [Column(name, right=True) for name in ("joints", "reach", "payload")]
-    return Table([Column("name"), *numbers, Column("source; grade")], lines).text()
+    numbers = [quantity(name) for name in ("joints", "reach", "payload")]
+    return Table(["name", *numbers, "source; grade"], lines).text()
 
 
 def table_markdown(rows: Sequence[dict[str, Any]]) -> str:
@@ -88,7 +88,7 @@ def table_markdown(rows: Sequence[dict[str, Any]]) -> str:
         for row in rows
         if "missing" not in row
     ]
-    return Table([Column(name) for name in columns], lines).markdown()
+    return Table(columns, lines).markdown()
 
 
 def _grade(row: dict[str, Any]) -> list[str]:

@@ -21,7 +21,7 @@ from dualbend.report.plot import COLOURS, Axis, Curve, Plot
 from dualbend.report.section import Figure, Panels, Section
 from dualbend.report.shape import Shape, has_shape, shapes
 from dualbend.run.record import RunRecord
-from dualbend.table import Column, Table
+from dualbend.table import Table, quantity
 
 _REFERENCE = (
     "The reference solution is the rod with weight: between grips that follow the nominal path "
@@ -135,9 +135,8 @@ def shape_section(run: RunRecord) -> Section:
 
 def _distances(found: Sequence[Shape], *, elastic: bool) -> Table:
     columns = [
-        *(Column("nominal angle", "rad", right=True), Column("end slope", "rad", right=True)),
-        *(Column("time", "s", right=True), Column("off the elastica", "mm", ".3g", right=True)),
-        Column("off the rod with weight", "mm", ".3g", right=True),
+        *(quantity("nominal angle", "rad"), quantity("end slope", "rad"), quantity("time", "s")),
+        *(quantity(f"off the {name}", "mm", ".3g") for name in ("elastica", "rod with weight")),
     ]
     rows: list[tuple[float | str, ...]] = [
         (

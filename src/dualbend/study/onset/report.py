@@ -10,7 +10,7 @@ import numpy as np
 
 from dualbend.errors import InputError
 from dualbend.study.onset.results import Case, OnsetStudy
-from dualbend.table import Column, Table, shown
+from dualbend.table import Table, shown
 
 _ANALYSES = ("sampled", "delayed", "paper")
 _NAMES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}
@@ -89,7 +89,7 @@ def _table(found: OnsetStudy) -> Table:
         *("without friction", "Hz simulated / sampled"),
         *("growth at 0.9 b, 1.1 b [1/s]: simulated / sampled", "residual"),
     )
-    return Table([Column(name) for name in headings], [_cells(case) for case in found.cases])
+    return Table(headings, [_cells(case) for case in found.cases])
 
 
 def _cells(case: Case) -> tuple[object, ...]:

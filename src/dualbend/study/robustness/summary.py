@@ -15,7 +15,7 @@ from dualbend.evaluation.metrics import versions
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.robustness.run import SCENARIO
 from dualbend.study.robustness.trial import Trial, settings, stated
-from dualbend.table import Column, Table
+from dualbend.table import Columns, Table, quantity
 
 CONFIDENCE = 0.95
 NAMES = {True: "with", False: "without"}
@@ -153,11 +153,10 @@ def table(summary: dict[str, Any]) -> list[str]:
 
 
 def _rates(summary: dict[str, Any]) -> Table:
-    columns = (
-        *(Column("compliance"), Column("success", right=True), Column("rate", right=True)),
-        Column(f"{100 * summary['confidence']:g} % interval", right=True),
-        Column("peak pin force: median", "N", ".1f", right=True),
-        *(Column("95th", "N", ".1f", right=True), Column("max", "N", ".1f", right=True)),
+    columns: Columns = (
+        *("compliance", quantity("success"), quantity("rate")),
+        quantity(f"{100 * summary['confidence']:g} % interval"),
+        *(quantity(name, "N", ".1f") for name in ("peak pin force: median", "95th", "max")),
     )
     rows = []
     for name, case in summary["compliance"].items():

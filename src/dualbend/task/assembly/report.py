@@ -12,7 +12,7 @@ from dualbend.report.sections.tables import metrics_section
 from dualbend.report.sections.time import phase_section, wrench_section
 from dualbend.run.record import RunRecord
 from dualbend.scene.bed.config import HOLES
-from dualbend.table import Column, Table
+from dualbend.table import Columns, Table, quantity
 from dualbend.task.assembly.config import assembly_of
 
 _TURN = np.linspace(0.0, 2.0 * np.pi, 73)
@@ -110,9 +110,8 @@ def _final(run: RunRecord, allowed_mm: float) -> list[Block]:
         )
         for row in holes
     ]
-    columns = [
-        *(Column("hole"), Column("off its pin's axis", "µm", right=True)),
-        *(Column("above its rest", "µm", right=True), Column("seated")),
+    columns: Columns = [
+        *("hole", quantity("off its pin's axis", "µm"), quantity("above its rest", "µm"), "seated")
     ]
     return [picture, Table(columns, rows, "Holes at the end of the run")]
 
@@ -134,12 +133,9 @@ def pins_section(over_time: OverTime) -> Section:
         (_name(row.get("pin")), row.get("peak_force_n"), row.get("peak_edge_force_n"))
         for row in over_time.run.summary.tables.get("pins", [])
     ]
-    columns = [
-        *(Column("pin"), Column("peak force", "N", right=True)),
-        Column("peak force of one contact", "N", right=True),
-    ]
-    peaks = [Table(columns, rows, "Peak forces on the pins")] if rows else []
-    return Section("Forces on the pins", [Panels(figures), *peaks])
+    peaks = [quantity(f"peak force{of}", "N") for of in ("", " of one contact")]
+    table = [Table(["pin", *peaks], rows, "Peak forces on the pins")] if rows else []
+    return Section("Forces on the pins", [Panels(figures), *table])
 
 
 def object_section(over_time: OverTime) -> Section | None:

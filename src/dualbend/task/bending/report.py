@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dualbend.report.over_time import OverTime
 from dualbend.report.plot import Axis
-from dualbend.report.section import Panels, Section
+from dualbend.report.section import Section
 from dualbend.report.sections.bent_sheet import moment_section, path_section, shape_section
 from dualbend.report.sections.stability import stability_section
 from dualbend.report.sections.tables import metrics_section
 from dualbend.report.sections.time import (
     deviation_section,
+    panels_by_side,
     phase_section,
     wrench_section,
 )
@@ -54,8 +55,4 @@ def misalignment_section(over_time: OverTime) -> Section | None:
     """Return the wrench out of the bending plane; None where no grip is misaligned."""
     if misalignment_of(over_time.run.scenario) is None:
         return None
-    figures = [
-        over_time.figure(axis, over_time.curves_by_side(columns, factor), caption)
-        for axis, factor, columns, caption in _OUT_OF_PLANE
-    ]
-    return Section("Misaligned grips", [Panels(figures)])
+    return Section("Misaligned grips", [panels_by_side(over_time, _OUT_OF_PLANE)])
