@@ -358,7 +358,7 @@ def test_the_summarys_sheet_and_arms_are_shown(fig8: RunRecord, tmp_path: Path) 
 
 def test_misaligned_grips_show_what_leaves_the_plane(top: Path, tmp_path: Path) -> None:
     brief = ("path.end_rad=0.2", "motion.speed_rad_per_s=0.4", "motion.hold_s=0.1")
-    error = ("motion.settle_s=0.3", "misalignment.right.roll_rad=0.02")
+    error = ("motion.settle_s=0.3", "task.misalignment.right.roll_rad=0.02")
     run = load_run(leave(tmp_path / "rolled", "fig6", *brief, *error))
     page = report([run])
     assert ">Misaligned grips</h3>" in page

@@ -17,6 +17,7 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.schema import scenario_schema, schema_text, shipped_schema
 from dualbend.scenario.template import scenario_text, write_scenario
 from dualbend.scenario.toml_text import number, toml
+from dualbend.task.bending.config import misalignment_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -94,20 +95,16 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
             found |= walk(item, f"{path}{key}.") if isinstance(item, dict) else {f"{path}{key}"}
         return found
 
-    assert full.assembly is not None
-    assert full.assembly.compliance is not None
-    # An assembly has errors of its own, so misalignment is in no scenario beside it.
-    crooked = load_scenario("fig6", ["misalignment={left={},right={}}"]).misalignment
-    held = walk(msgspec.to_builtins(full), "") - {"misalignment"}
-    held |= walk(msgspec.to_builtins(crooked), "misalignment.")
+    held = walk(msgspec.to_builtins(full), "")
     for kinds in (
+        ["task.misalignment={left={},right={}}"],
         ["path=piecewise", "filter=iir"],
         ["path.kind=pieces", "path.pieces=2", "filter=none", "compliance=none"],
         ["path=approximate", "sheet.model=shell"],
         ["path.kind=table", "path.table=[[0,0.2,0],[1.1,0.16,0.1]]"],
     ):
         held |= walk(msgspec.to_builtins(load_scenario("fig6", kinds)), "") - {
-            *("assembly", "misalignment", "cell.left", "cell.right"),
+            *("task.misalignment", "cell.left", "cell.right"),
             *("compliance.x", "compliance.rotation"),
         }
     named = {".".join((*s.path, key.name)) for s in sections() for key in s.keys}
@@ -247,13 +244,11 @@ def test_a_new_scenario_names_every_key_and_hides_the_defaults() -> None:
             assert defaults[name] is REQUIRED or defaults[name] != value
 
 
-@pytest.mark.parametrize(
-    ("base", "left_off"), [("fig6", "assembly"), ("fig6", "misalignment"), ("tuned", "assembly")]
-)
-def test_what_is_switched_on_by_its_header_loads(base: str, left_off: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("base", ["fig6", "tuned"])
+def test_what_is_switched_on_by_its_header_loads(base: str, tmp_path: Path) -> None:
     """A section that is off holds values that load when all its comment signs go.
 
-    Of two sections that exclude each other one stays off, and so does what is of another kind.
+    What is of another kind stays off.
     """
     kind = load_scenario(base).compliance.kind
 
@@ -267,14 +262,12 @@ def test_what_is_switched_on_by_its_header_loads(base: str, left_off: str, tmp_p
     text = "\n\n".join(block for block in blocks if not of_another_kind(block))
     text = re.sub(r"^#(?=\[)", "", text, flags=re.MULTILINE)
     text = re.sub(HIDDEN, "", text, flags=re.MULTILINE)
-    text = re.sub(rf"^\[{left_off}.*\n(?:(?!\[).*\n)*", "", text, flags=re.MULTILINE)
     path = tmp_path / "mine.toml"
     path.write_text(text, encoding="utf-8")
     found = load_scenario(str(path))
     assert found.compliance.x is not None
     assert found.compliance.rotation is not None
-    assert (found.assembly is None) == (left_off == "assembly")
-    assert (found.misalignment is None) == (left_off == "misalignment")
+    assert misalignment_of(found) is not None
 
 
 def test_the_schema_line_prefers_the_file_beside(tmp_path: Path) -> None:

@@ -315,7 +315,7 @@ def test_a_wrong_value_is_refused_by_key_and_value(
             ["sheet.plastic = true", "an assembly"],
         ),
         ("pwb", ["sheet.model=shell"], ['sheet.model = "shell"', "an assembly"]),
-        ("pwb", ["misalignment.left.roll_rad=0.1"], ["misalignment", "assembly.errors"]),
+        ("pwb", ["task.misalignment.left.roll_rad=0.1"], ["misalignment", "task.errors"]),
         (
             "fig6",
             ["sheet.model=shell", "sheet.rigidity=width"],
@@ -323,8 +323,8 @@ def test_a_wrong_value_is_refused_by_key_and_value(
         ),
         (
             "fig6",
-            ["misalignment.left=none"],
-            ["misalignment.left = 'none'", "lateral_m, roll_rad, yaw_rad"],
+            ["task.misalignment.left=none"],
+            ["task.misalignment.left = 'none'", "lateral_m, roll_rad, yaw_rad"],
         ),
         ("fig6", ["guard=none"], ["guard = 'none'", "always there", "following_error_rad"]),
     ],

@@ -17,6 +17,7 @@ from dualbend.scene.bed.mjcf import GRIPPING
 from dualbend.scene.cell import PAD_SITE
 from dualbend.scene.grippers import Grippers
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
+from dualbend.task.assembly.config import assembly_of
 from dualbend.types import SIDES
 
 Array = NDArray[np.float64]
@@ -29,8 +30,7 @@ class Bench:
     """Arms at the stand, a flat sheet upon it."""
 
     def __init__(self) -> None:
-        assert SCENARIO.assembly is not None
-        stand = SCENARIO.assembly.layout.stand
+        stand = assembly_of(SCENARIO).layout.stand
         self.middle = np.array([0.0, stand.y_m, stand.top_m + 0.5 * THICKNESS_M])
         pose = np.array([-0.5 * LENGTH_M, 0.0, 0.0])
         self.cell = RobotCell(SCENARIO, pose, np.array([*self.middle, 0.0]))

@@ -41,7 +41,7 @@ def test_the_folder_of_another_study_is_refused(tmp_path: Path) -> None:
     run_study(PWB, tmp_path, runs=1, seed=7, run=a_trial)
     for scenario, seed, what in (
         (PWB, 8, "another seed .*seed = 7, now 8"),
-        (load_scenario("pwb", ["assembly.errors.pickup_x_m=1e-3"]), 7, "another scenario"),
+        (load_scenario("pwb", ["task.errors.pickup_x_m=1e-3"]), 7, "another scenario"),
     ):
         with pytest.raises(InputError, match=what):
             run_study(scenario, tmp_path, runs=1, seed=seed, run=a_trial)
@@ -55,7 +55,7 @@ def test_the_folder_of_another_study_is_refused(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def stopped() -> Trial:
     """A run that ends early, in the grasp: the sheet lies too far off for a jaw to reach it."""
-    scenario = load_scenario("pwb", ["assembly.errors.pickup_x_m=0.03"])
+    scenario = load_scenario("pwb", ["task.errors.pickup_x_m=0.03"])
     return run_one(scenario, 1, 0, True)
 
 
@@ -70,7 +70,7 @@ def test_a_real_run_says_in_which_phase_it_failed_and_why(stopped: Trial) -> Non
 
 def test_the_command_makes_the_same_run_again(stopped: Trial, tmp_path: Path) -> None:
     """Analytic: its words, loaded, are the drawn scenario."""
-    base = load_scenario("pwb", ["assembly.errors.pickup_x_m=0.03"])
+    base = load_scenario("pwb", ["task.errors.pickup_x_m=0.03"])
     (tmp_path / SCENARIO).write_text(base.to_toml(), encoding="utf-8")
     rigid = msgspec.structs.replace(stopped, compliance=False)
     for case, expected in (

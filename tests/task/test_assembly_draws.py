@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from dualbend.errors import InputError
-from dualbend.scenario.assembly import ErrorsConfig, SpreadConfig
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.task import ErrorsConfig, SpreadConfig
 from dualbend.task.assembly.draws import assembly_of, draw, misalignment
 
 PWB = load_scenario("pwb")
@@ -17,7 +17,7 @@ PWB = load_scenario("pwb")
 
 def with_errors(**errors: float) -> Scenario:
     changed = msgspec.structs.replace(assembly_of(PWB), errors=ErrorsConfig(**errors))
-    return msgspec.structs.replace(PWB, assembly=changed)
+    return msgspec.structs.replace(PWB, task=changed)
 
 
 def test_draws_have_the_spread_that_the_scenario_gives() -> None:
@@ -53,7 +53,7 @@ def test_the_robots_believe_what_they_believed() -> None:
     replace = msgspec.structs.replace
     holes = replace(config.layout.holes, errors_m=nominal.layout.holes.errors_m)
     believed = replace(config, errors=nominal.errors, layout=replace(config.layout, holes=holes))
-    assert replace(drawn, assembly=believed, seed=PWB.seed) == PWB
+    assert replace(drawn, task=believed, seed=PWB.seed) == PWB
     true, sheet = config.errors.true_sheet(PWB.sheet.sheet()), PWB.sheet.sheet()
     factor = config.errors.thickness_factor
     assert true.mass_kg / sheet.mass_kg == pytest.approx(factor, rel=1e-12)
@@ -69,7 +69,7 @@ def test_a_draw_depends_on_its_own_number_and_on_no_other_width() -> None:
     assert len(seen) == 40
     spread = msgspec.structs.replace(assembly_of(PWB).spread, pickup_x_m=0.0, friction=0.0)
     narrow = msgspec.structs.replace(assembly_of(PWB), spread=spread)
-    errors = assembly_of(draw(msgspec.structs.replace(PWB, assembly=narrow), 1, 5)).errors
+    errors = assembly_of(draw(msgspec.structs.replace(PWB, task=narrow), 1, 5)).errors
     wide = assembly_of(draw(PWB, 1, 5)).errors
     assert errors == msgspec.structs.replace(wide, pickup_x_m=0.0, friction_factor=1.0)
 
@@ -95,4 +95,4 @@ def test_misalignment_is_the_distance_of_the_worst_hole() -> None:
 @pytest.mark.parametrize("name", SpreadConfig.__struct_fields__)
 def test_a_negative_width_is_refused(name: str) -> None:
     with pytest.raises(InputError, match=rf"assembly\.spread\.{name} = -0\.1"):
-        load_scenario("pwb", [f"assembly.spread.{name}=-0.1"])
+        load_scenario("pwb", [f"task.spread.{name}=-0.1"])

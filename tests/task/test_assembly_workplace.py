@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualbend.errors import InputError
-from dualbend.scenario.assembly import AssemblyConfig
+from dualbend.scenario.task import AssemblyConfig
 from dualbend.scene.bed.config import (
     BedConfig,
     HolePairConfig,

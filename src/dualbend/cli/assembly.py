@@ -11,7 +11,7 @@ import click
 from dualbend.cli.common import EXIT_INTERRUPTED, SETTINGS, complete_scenarios, examples, shown
 
 
-@click.command(epilog=examples("dualbend plan pwb --set assembly.layout.holes.clearance_m=1e-4"))
+@click.command(epilog=examples("dualbend plan pwb --set task.layout.holes.clearance_m=1e-4"))
 @click.argument("scenario", shell_complete=complete_scenarios)
 @SETTINGS
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -56,7 +56,7 @@ def robustness(
 ) -> None:
     """Assemble many sheets with errors, with and without compliance.
 
-    Random errors are drawn with the standard deviations of assembly.spread. The same command
+    Random errors are drawn with the standard deviations of task.spread. The same command
     continues a study that was interrupted.
     """
     from dualbend.errors import InputError

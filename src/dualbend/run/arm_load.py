@@ -101,8 +101,7 @@ def _refuse_payload(
 ) -> None:
     tool = float(model.body_subtreemass[model.site(f"{side}_{FT_SITE}").bodyid[0]])
     sensor = float(model.body(f"{side}_sensor").mass[0])
-    share = 0.5 if scenario.assembly is None else 1.0
-    carried = share * scenario.sheet.sheet().mass_kg
+    carried = scenario.task.carried_share * scenario.sheet.sheet().mass_kg
     if tool + sensor + carried > payload_kg:
         raise InputError(
             f"arm {name!r} on the {side} is too weak: gripper with sensor {tool + sensor:.2f} kg "

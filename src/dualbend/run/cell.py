@@ -48,9 +48,8 @@ class RobotCell:
         self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)
         step_s = scenario.physics.step_s
-        task, config = scenario.assembly, scenario.sheet
-        sheet = config.sheet()
-        self.sheet = sheet if task is None else task.errors.true_sheet(sheet)
+        config = scenario.sheet
+        self.sheet = scenario.task.true_sheet(config.sheet())
         model = without_looks(self._compose(looks=False)).compile()
         self.simulation = Simulation(
             model,
@@ -66,7 +65,6 @@ class RobotCell:
 
     def _compose(self, *, looks: bool) -> mujoco.MjSpec:
         scenario = self.scenario
-        task = scenario.assembly
         return compose_cell(
             scenario.cell,
             self.arms,
@@ -75,8 +73,8 @@ class RobotCell:
             scenario.sheet.model,
             self.servo,
             scenario.physics.step_s,
-            None if task is None else task.true_layout(),
-            0 if task is None else task.sheets - 1,
+            scenario.task.workplace,
+            scenario.task.laid_sheets,
             looks=looks,
         )
 

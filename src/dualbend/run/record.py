@@ -61,7 +61,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
 
 def task_of(scenario: Scenario) -> Task:
     """Return the task that a scenario asks for."""
-    return TASKS["bending" if scenario.assembly is None else "assembly"]
+    return TASKS[scenario.task.kind]
 
 
 @dataclass(frozen=True, kw_only=True)

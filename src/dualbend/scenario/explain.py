@@ -21,6 +21,7 @@ from dualbend.scenario.structs import (
     has_kinds,
     plain,
 )
+from dualbend.scenario.task import AnyTask, TaskKinds
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -37,6 +38,8 @@ _RENAMED = {
     "servo": "robot.servo",
     "alter": "robot.alter",
     "arms": "compliance",
+    "assembly": "task",
+    "misalignment": "task.misalignment",
     "sheet.strips": "sheet.model",
     "sheet.shell": "sheet.model",
 }
@@ -165,6 +168,19 @@ def converted(data: Mapping[str, Any], struct: type[T], source: str) -> T:
     refuse_absurd(data, source, ())
     refuse_unknown(data, {"": struct}, source, ())
     try:
-        return msgspec.convert(data, struct)
+        return msgspec.convert(data, struct, dec_hook=_custom)
     except msgspec.ValidationError as error:
         raise InputError(f"{source}: {explain(data, str(error), struct)}") from error
+
+
+def _custom(wanted: type, value: object) -> object:
+    """Return the section of the task that a table is; msgspec asks for it at this place alone."""
+    if wanted is not AnyTask or not isinstance(value, dict):
+        return value
+    kinds = TaskKinds()
+    kind = value.get(KIND, next(iter(kinds)))
+    try:
+        return msgspec.convert({**value, KIND: kind}, kinds[kind])
+    except msgspec.ValidationError as error:
+        text, at, path = str(error).partition(" - at `$")
+        raise msgspec.ValidationError(f"{text} - at `$.task{path if at else '`'}") from error

@@ -16,8 +16,6 @@ from dualbend.control.compliance.admittance import AdmittanceConfig, ComplianceC
 from dualbend.control.filters import FirConfig, LowPassConfig
 from dualbend.control.force_torque import ForceTorqueConfig
 from dualbend.control.guard import GuardConfig
-from dualbend.scenario.assembly import DEFAULT_YIELD_PA, AssemblyConfig
-from dualbend.scenario.misalignment import SHORTEST_SETTLE_S, MisalignmentConfig
 from dualbend.scenario.motion import MotionConfig, make_time_law
 from dualbend.scenario.path import PathConfig
 from dualbend.scenario.sections import (
@@ -27,6 +25,7 @@ from dualbend.scenario.sections import (
     check_joint_counts,
 )
 from dualbend.scenario.sheet import SheetConfig
+from dualbend.scenario.task import AnyTask, default_task
 from dualbend.scene.cell import CellConfig, GraspConfig
 
 LONGEST_RUN_S = 3600.0
@@ -58,8 +57,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     sensor: ForceTorqueConfig = ForceTorqueConfig()
     filter: LowPassConfig = FirConfig()
     compliance: ComplianceConfig = AdmittanceConfig()
-    assembly: AssemblyConfig | None = None
-    misalignment: MisalignmentConfig | None = None
+    task: AnyTask = msgspec.field(default_factory=default_task)
     guard: GuardConfig = GuardConfig()
     physics: PhysicsConfig = PhysicsConfig()
     expect: ExpectConfig = ExpectConfig()
@@ -67,7 +65,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     def __post_init__(self) -> None:
         """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""
         check_joint_counts(self.robot, self.cell)
-        self._refuse_what_no_assembly_has()
+        self.task.check(self.sheet, self.motion)
         self.path.make(self.sheet.length_m)  # refuses a table that does not suit the sheet
         self._resolve_curvature()
         law = make_time_law(self.path, self.motion)
@@ -86,33 +84,6 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
                 f"motion.acceleration_rad_per_s2 = {self.motion.acceleration_rad_per_s2} makes a "
                 f"run of {total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
             )
-        if self.misalignment is not None and self.motion.settle_s < SHORTEST_SETTLE_S:
-            raise ValueError(
-                f"motion.settle_s = {self.motion.settle_s}: misalignment comes in while the arms "
-                f"settle and needs at least {SHORTEST_SETTLE_S} s"
-            )
-
-    def _refuse_what_no_assembly_has(self) -> None:
-        if self.assembly is None:
-            return
-        if self.sheet.plastic:
-            raise ValueError(
-                "sheet.plastic = true: an assembly ends where the sheet would yield; not both"
-            )
-        if self.sheet.model.kind == "shell":
-            raise ValueError(
-                'sheet.model = "shell" has no holes and no contact: an assembly needs "strips"'
-            )
-        if self.misalignment is not None:
-            raise ValueError(
-                "misalignment is for a sheet that is bent between two grips; "
-                "an assembly has assembly.errors"
-            )
-        if self.motion.return_rad is not None:
-            raise ValueError(
-                f"motion.return_rad = {self.motion.return_rad} is for a sheet that is bent between "
-                "two grips; an assembly lays it and does not go back"
-            )
 
     def _resolve_curvature(self) -> None:
         """Take the width's rigidity at the path's largest curvature, (4 K/L) sin(α/2)."""
@@ -126,13 +97,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     @property
     def limit_strain(self) -> float | None:
         """Surface strain at which the sheet yields or breaks; None: not known."""
-        known, sheet = self.sheet.limit_strain, self.sheet.sheet()
-        if self.assembly is None:
-            return known
-        given = self.assembly.limits.yield_pa
-        if given is None and known is not None:
-            return known
-        return (DEFAULT_YIELD_PA if given is None else given) / sheet.young_pa
+        return self.task.limit_strain(self.sheet.limit_strain, self.sheet.sheet())
 
     def to_toml(self) -> str:
         """Return the resolved scenario: loading it again gives an equal object."""

@@ -17,10 +17,12 @@ from dualbend.scenario.keys import Section, section_of, sections
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import LayerConfig
 from dualbend.scenario.structs import KIND, Kinds, Struct, fields_of, has_kinds
+from dualbend.scenario.task import TaskKinds
 
 Schema = dict[str, Any]
 
 _MOVED = ("prefixItems", "description", "default", "examples")
+_DEFINITIONS = "#/definitions/"
 _DRAFT = "http://json-schema.org/draft-07/schema#"
 _EXTENDS = {
     "description": "a shipped scenario's name or a .toml file; this file says what differs from it",
@@ -41,7 +43,11 @@ def schema_text() -> str:
 
 def scenario_schema() -> Schema:
     """Return the JSON schema (draft 7) of a scenario file."""
-    _, components = msgspec.json.schema_components([Scenario], ref_template="#/definitions/{name}")
+    _, components = msgspec.json.schema_components(
+        [Scenario, *TaskKinds().values()],
+        ref_template=f"{_DEFINITIONS}{{name}}",
+        schema_hook=_any_task,
+    )
     found = {section.struct.__name__: section for section in (*sections(), section_of(LayerConfig))}
     definitions = {name: _definition(schema, found[name]) for name, schema in components.items()}
     top = definitions.pop("Scenario")
@@ -54,6 +60,15 @@ def scenario_schema() -> Schema:
         "if": {"not": {"required": ["extends"]}},
         "then": _complete({"": Scenario}),
         "definitions": definitions,
+    }
+
+
+def _any_task(_: type) -> Schema:
+    """Return the schema of the section of the task, the only one that msgspec asks for."""
+    places = {kind: f"{_DEFINITIONS}{struct.__name__}" for kind, struct in TaskKinds().items()}
+    return {
+        "anyOf": [{"$ref": place} for place in places.values()],
+        "discriminator": {"propertyName": KIND, "mapping": places},
     }
 
 

@@ -15,6 +15,8 @@ from typing import Any, TypeAlias
 import msgspec
 from msgspec import inspect as mi
 
+from dualbend.scenario.task import AnyTask, TaskKinds
+
 Struct: TypeAlias = type[msgspec.Struct]
 Kinds: TypeAlias = Mapping[str, Struct]
 """The structs that a table may be, by kind; one without kinds by "", none of a value."""
@@ -86,6 +88,8 @@ def plain(info: mi.Type) -> tuple[mi.Type, dict[str, Any], dict[str, Any]]:
 
 
 def _kinds(info: mi.Type) -> Kinds:
+    if isinstance(info, mi.CustomType) and info.cls is AnyTask:
+        return TaskKinds()
     options = info.types if isinstance(info, mi.UnionType) else (info,)
     return {str(o.tag or ""): o.cls for o in options if isinstance(o, mi.StructType)}
 

@@ -27,22 +27,6 @@ _WRENCH = (
         "gripper towards a larger angle.",
     ),
 )
-_OUT_OF_PLANE = (
-    (
-        Axis("lateral force", "N"),
-        1.0,
-        (("across", "true_force_y"),),
-        "True force across the sheet on each gripper, along y of that arm's bending frame. "
-        "Shaded: every second phase.",
-    ),
-    (
-        Axis("moment out of the plane", "mN m"),
-        1e3,
-        (("about x (twist)", "true_moment_x"), ("about z (yaw)", "true_moment_z")),
-        "True moment on each gripper about x (inward: it twists the sheet) and z (up) of that "
-        "arm's bending frame, at the gripper's centre.",
-    ),
-)
 
 
 def wrench_section(over_time: OverTime) -> Section:
@@ -52,17 +36,6 @@ def wrench_section(over_time: OverTime) -> Section:
         for axis, factor, columns, caption in _WRENCH
     ]
     return Section("Wrench on both arms", [Panels(figures)])
-
-
-def misalignment_section(over_time: OverTime) -> Section | None:
-    """Return the wrench out of the bending plane; None where no grip is misaligned."""
-    if over_time.run.scenario.misalignment is None:
-        return None
-    figures = [
-        over_time.figure(axis, over_time.curves_by_side(columns, factor), caption)
-        for axis, factor, columns, caption in _OUT_OF_PLANE
-    ]
-    return Section("Misaligned grips", [Panels(figures)])
 
 
 def deviation_section(over_time: OverTime) -> Section | None:

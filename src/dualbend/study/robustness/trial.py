@@ -17,11 +17,11 @@ from dualbend.run.loop import Run
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord, task_of
 from dualbend.run.trace import Trace
-from dualbend.scenario.assembly import ErrorsConfig
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.study.ending import outcome_of, result_of
-from dualbend.task.assembly.draws import assembly_of, draw, misalignment, without_compliance
+from dualbend.task.assembly.config import ErrorsConfig, assembly_of
+from dualbend.task.assembly.draws import draw, misalignment, without_compliance
 from dualbend.task.assembly.metrics import pin_table, seated
 
 CAUSES = (
@@ -91,11 +91,11 @@ def stated(scenario: Scenario) -> dict[str, Any]:
 def settings(trial: Trial) -> dict[str, str]:
     """Return the keys that make the scenario that of the trial, with their values as text."""
     found = {
-        f"assembly.errors.{name}": repr(value)
+        f"task.errors.{name}": repr(value)
         for name, value in msgspec.to_builtins(trial.errors).items()
     }
-    found["assembly.layout.holes.errors_m"] = json.dumps(trial.hole_errors_m)
-    return found if trial.compliance else {**found, "assembly.compliance": "none"}
+    found["task.layout.holes.errors_m"] = json.dumps(trial.hole_errors_m)
+    return found if trial.compliance else {**found, "task.compliance": "none"}
 
 
 def run_one(scenario: Scenario, seed: int, index: int, compliance: bool) -> Trial:

@@ -1,11 +1,12 @@
 """Assembly of sheets on alignment pins."""
 
 from dualbend.registry import Task
+from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.motions import PHASES
 
 ASSEMBLY = Task(
     kind="assembly",
-    config=None,
+    config=AssemblyConfig,
     phases=PHASES,
     run="dualbend.task.assembly.run:AssemblyRun",
     metrics="dualbend.task.assembly.metrics:metrics",

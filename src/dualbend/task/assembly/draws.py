@@ -10,26 +10,16 @@ import math
 import msgspec
 import numpy as np
 
-from dualbend.errors import InputError
-from dualbend.scenario.assembly import AssemblyConfig, ErrorsConfig
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES, hole_places
-
-
-def assembly_of(scenario: Scenario) -> AssemblyConfig:
-    """Return the scenario's assembly; InputError where it has none."""
-    if scenario.assembly is None:
-        raise InputError(
-            f"scenario {scenario.name!r} has no assembly: what is drawn are the errors of one"
-        )
-    return scenario.assembly
+from dualbend.task.assembly.config import ErrorsConfig, assembly_of
 
 
 def draw(scenario: Scenario, seed: int, index: int) -> Scenario:
     """Return the scenario with the errors of draw ``index``, added to those that it has.
 
     Of SeedSequence(seed)'s child ``index``: it depends on no other draw. Lengths and angles are
-    normal with the standard deviations of ``assembly.spread``. Relative ones multiply by
+    normal with the standard deviations of ``task.spread``. Relative ones multiply by
     exp(σ z − σ²/2), σ² = ln(1 + s²): log-normal, of mean 1 and standard deviation s, above zero.
     The seed of the sensors' noise is drawn as well. InputError without an assembly.
     """
@@ -50,8 +40,8 @@ def draw(scenario: Scenario, seed: int, index: int) -> Scenario:
     places = tuple((float(along), float(across)) for along, across in off)
     replace = msgspec.structs.replace
     layout = replace(config.layout, holes=replace(holes, errors_m=places))
-    assembly = replace(config, errors=drawn, layout=layout)
-    return replace(scenario, assembly=assembly, seed=int(rng.integers(2**31)))
+    task = replace(config, errors=drawn, layout=layout)
+    return replace(scenario, task=task, seed=int(rng.integers(2**31)))
 
 
 def _factor(relative: float, z: float) -> float:
@@ -62,7 +52,7 @@ def _factor(relative: float, z: float) -> float:
 def without_compliance(scenario: Scenario) -> Scenario:
     """Return the scenario with arms that go where they are sent."""
     rigid = msgspec.structs.replace(assembly_of(scenario), compliance=None)
-    return msgspec.structs.replace(scenario, assembly=rigid)
+    return msgspec.structs.replace(scenario, task=rigid)
 
 
 def misalignment(scenario: Scenario) -> float:

@@ -11,9 +11,9 @@ from dualbend.report.sections.bent_sheet import moment_section, path_section, sh
 from dualbend.report.sections.tables import metrics_section
 from dualbend.report.sections.time import phase_section, wrench_section
 from dualbend.run.record import RunRecord
-from dualbend.scenario.assembly import AssemblyConfig
 from dualbend.scene.bed.config import HOLES
 from dualbend.table import Column, Table
+from dualbend.task.assembly.config import assembly_of
 
 _TURN = np.linspace(0.0, 2.0 * np.pi, 73)
 _HOLES: list[tuple[str, str, Colour]] = [
@@ -41,7 +41,7 @@ def sections_of(run: RunRecord) -> list[Section | None]:
 
 def holes_section(over_time: OverTime) -> Section:
     """Return how the holes came over their pins, and where they lie."""
-    run, layout = over_time.run, _config(over_time.run).layout
+    run, layout = over_time.run, assembly_of(over_time.run.scenario).layout
     allowed = 0.5e3 * layout.holes.clearance_m
     away, high = [], []
     for hole, name, colour in _HOLES:
@@ -67,11 +67,6 @@ def holes_section(over_time: OverTime) -> Section:
         ),
     ]
     return Section("Holes over pins", [Panels(figures), *_final(run, allowed)])
-
-
-def _config(run: RunRecord) -> AssemblyConfig:
-    assert run.scenario.assembly is not None
-    return run.scenario.assembly
 
 
 def _last(curves: list[Curve]) -> str:
@@ -149,7 +144,7 @@ def pins_section(over_time: OverTime) -> Section:
 
 def object_section(over_time: OverTime) -> Section | None:
     """Return the deviation of the held sheet by its compliance; None where there is none."""
-    if _config(over_time.run).compliance is None:
+    if assembly_of(over_time.run.scenario).compliance is None:
         return None
     looks: tuple[tuple[Axis, tuple[tuple[str, Colour], ...]], ...] = (
         (Axis("deviation of place", "mm"), (("x", "blue"), ("y", "orange"))),

@@ -25,7 +25,6 @@ from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.cell import RobotCell
 from dualbend.run.loop import Run
 from dualbend.run.outcome import TaskStopped
-from dualbend.scenario.assembly import ErrorsConfig
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.scene.bed.pin_contacts import PinContacts
@@ -33,6 +32,7 @@ from dualbend.scene.grippers import Grippers
 from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
+from dualbend.task.assembly.config import ErrorsConfig, assembly_of
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyProgram
 from dualbend.task.assembly.stiffness import object_stiffness
@@ -70,14 +70,12 @@ def assembly_plan(scenario: Scenario) -> AssemblyPlan:
         There is no assembly in it, no robot could work at its workplace or feel what it does, or
         the holes do not go over the pins at the bending angle.
     """
-    config, sheet = scenario.assembly, scenario.sheet.sheet()
+    config, sheet = assembly_of(scenario), scenario.sheet.sheet()
     source = f"scenario {scenario.name!r}"
-    if config is None:
-        raise InputError(f"{source}: no section [assembly]: there is nothing to plan")
     if config.compliance is not None and len(scenario.compliance.sensing) < len(SIDES):
         raise InputError(
             f"{source}: compliance.sensing = {list(scenario.compliance.sensing)}: "
-            f"assembly.compliance needs the net force of both arms, {list(SIDES)}"
+            f"task.compliance needs the net force of both arms, {list(SIDES)}"
         )
     strain = scenario.limit_strain
     try:
@@ -85,7 +83,7 @@ def assembly_plan(scenario: Scenario) -> AssemblyPlan:
         plan = plan_assembly(sheet, config.layout.holes, config.layout.pins, yield_strain=strain)
     except InputError as error:
         # The planner speaks of holes and pins; here they have their full names.
-        text = re.sub(r"(?<!layout\.)\b(holes|pins)\.", r"assembly.layout.\1.", str(error))
+        text = re.sub(r"(?<!layout\.)\b(holes|pins)\.", r"task.layout.\1.", str(error))
         raise InputError(f"{source}: {text}") from error
     low, high = plan.range.clear_rad, plan.range.highest_rad
     if not low <= scenario.path.end_rad <= high:
@@ -110,8 +108,7 @@ class AssemblyRun(Run):
     def __init__(self, scenario: Scenario) -> None:
         self.plan = assembly_plan(scenario)
         self.scenario = scenario
-        assert scenario.assembly is not None
-        self.config, sheet = scenario.assembly, scenario.sheet.sheet()
+        self.config, sheet = assembly_of(scenario), scenario.sheet.sheet()
         self._path = scenario.path.make(sheet.length_m)
         limit = scenario.limit_strain
         assert limit is not None  # an assembly has one
@@ -132,7 +129,7 @@ class AssemblyRun(Run):
         super().__init__(scenario, cell)
         self._limit_strain = limit * sheet.young_pa / cell.sheet.young_pa
         self._check_path()
-        simulation, layout = cell.simulation, self.config.true_layout()
+        simulation, layout = cell.simulation, self.config.workplace
         self.grippers = Grippers(simulation.model, simulation.data, cell.sheet.thickness_m)
         self.pins = PinContacts(
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
@@ -177,9 +174,9 @@ class AssemblyRun(Run):
         layout = self.config.layout
         return InputError(
             f"scenario {self.scenario.name!r}: {phase}: {error}; look at "
-            f"assembly.layout.stand.y_m = {layout.stand.y_m:g}, "
-            f"assembly.layout.stand.top_m = {layout.stand.top_m:g}, "
-            f"assembly.layout.bed.top_m = {layout.bed.top_m:g}, "
+            f"task.layout.stand.y_m = {layout.stand.y_m:g}, "
+            f"task.layout.stand.top_m = {layout.stand.top_m:g}, "
+            f"task.layout.bed.top_m = {layout.bed.top_m:g}, "
             f"{shown_placements(self.scenario)}"
         )
 
@@ -236,8 +233,8 @@ class AssemblyRun(Run):
         Of the sheet that the robots believe in: they know of no errors.
         """
         if self.config.errors != ErrorsConfig():
-            assembly = msgspec.structs.replace(self.config, errors=ErrorsConfig())
-            scenario = msgspec.structs.replace(self.scenario, assembly=assembly)
+            task = msgspec.structs.replace(self.config, errors=ErrorsConfig())
+            scenario = msgspec.structs.replace(self.scenario, task=task)
             cell = RobotCell(scenario, cell.start, cell.place)
         pinned = self.config.layout.holes.middle.along_m
         found = []

@@ -7,8 +7,8 @@ from typing import Final
 
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
-from dualbend.scenario.assembly import AssemblyConfig
 from dualbend.scene.bed.config import BedConfig, StandConfig
+from dualbend.task.assembly.config import AssemblyConfig
 
 JAW_ROOM_M: Final = 0.015
 """From a grip to what its gripper must not touch: half a jaw's depth, and 5 mm to be safe."""

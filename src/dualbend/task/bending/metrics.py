@@ -18,6 +18,7 @@ from dualbend.evaluation.peaks import common_peaks
 from dualbend.run.permanent_set import permanent_curvature
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.scenario import Scenario
+from dualbend.task.bending.config import misalignment_of
 from dualbend.types import Vector
 
 _SET_UNITS = {
@@ -71,7 +72,7 @@ def out_of_plane_columns(scenario: Scenario) -> dict[str, str]:
     Components in the sensing arm's bending frame: across the sheet, and about x (inward, twist) and
     z (up). Without misalignment they are rounding alone, and there are none.
     """
-    return {} if scenario.misalignment is None else _OUT_OF_PLANE
+    return {} if misalignment_of(scenario) is None else _OUT_OF_PLANE
 
 
 def _out_of_plane(result: RunRecord) -> dict[str, Metric]:

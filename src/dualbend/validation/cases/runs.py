@@ -16,6 +16,7 @@ from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS
 from dualbend.scenario.load import list_scenarios, load_scenario
 from dualbend.scene.cell import robots_only
+from dualbend.task.bending import BENDING
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Side, Vector
 from dualbend.validation.row import Row, absolute, at_least, at_most
@@ -33,7 +34,7 @@ def run_shipped() -> dict[str, RunRecord]:
     return {
         name: BendingRun(scenario).run()
         for name, scenario in shipped.items()
-        if scenario.assembly is None
+        if scenario.task.kind == BENDING.kind
     }
 
 
