@@ -315,7 +315,11 @@ def test_a_wrong_value_is_refused_by_key_and_value(
             ["sheet.plastic = true", "an assembly"],
         ),
         ("pwb", ["sheet.model=shell"], ['sheet.model = "shell"', "an assembly"]),
-        ("pwb", ["task.misalignment.left.roll_rad=0.1"], ["misalignment", "task.errors"]),
+        (
+            "pwb",
+            ["task.misalignment.left.roll_rad=0.1"],
+            ["task.misalignment", 'belongs to kind = "bending"'],
+        ),
         (
             "fig6",
             ["sheet.model=shell", "sheet.rigidity=width"],
