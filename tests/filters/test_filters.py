@@ -2,7 +2,6 @@
 
 import pytest
 
-from dualbend.control.filters import NoFilterConfig
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
 from dualbend.study.onset.held import Oscillation
@@ -25,7 +24,7 @@ def test_losses_are_of_the_first_filter_s_gain(monkeypatch: pytest.MonkeyPatch) 
         return Oscillation(grows=grows, growth_per_s=0.0, frequency_hz=2.0, final=0.0)
 
     monkeypatch.setattr(module, "oscillate", oscillate)
-    none, short = filters_compared(FIG9, filters=(NoFilterConfig(), FILTERS[1]))
+    none, short = filters_compared(FIG9, filters=FILTERS[:2])
     assert (none.predicted_loss, none.simulated_loss) == (0.0, 0.0)
     assert none.simulated_b == pytest.approx(0.6, rel=3e-3)  # the bisection's interval
     assert short.simulated_loss == pytest.approx(0.0, abs=6e-3)
