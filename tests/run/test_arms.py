@@ -8,7 +8,7 @@ from dualbend.errors import InputError
 from dualbend.run.arm_list import arm_table, judge_arms, table_markdown, table_text, verdict_text
 from dualbend.run.arm_load import sheet_load
 from dualbend.run.known_sheet import known_sheet
-from dualbend.scenario.load import load_scenario
+from dualbend.scenario.load import load_scenario, parse_scenario
 from dualbend.task.bending.run import BendingRun
 from dualbend.validation.cases.runs import ik_residuals
 
@@ -51,13 +51,8 @@ def test_a_shortened_run_completes(arms: tuple[str, ...]) -> None:
 
 def test_a_written_scenario_makes_the_run_again() -> None:
     result = BendingRun(load_scenario("fig6", ["robot.model=panda", *SHORT])).run()
-    import tomllib
 
-    import msgspec
-
-    from dualbend.scenario.scenario import Scenario
-
-    again = msgspec.convert(tomllib.loads(result.scenario.to_toml()), Scenario)
+    again = parse_scenario(result.scenario.to_toml(), "again")
     assert again == result.scenario
     second = BendingRun(again).run()
     np.testing.assert_array_equal(

@@ -26,8 +26,8 @@ from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.metrics import final_holes, phase_table, seated
 from dualbend.task.assembly.motions import PHASES
 from dualbend.task.assembly.run import AssemblyRun
-from dualbend.task.bending.config import BendingConfig
 from dualbend.task.assembly.stiffness import object_stiffness
+from dualbend.task.bending.config import BendingConfig
 
 Array = NDArray[np.float64]
 OFF = ("task.errors.pickup_x_m=0.012",)

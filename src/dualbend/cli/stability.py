@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Validate against simulation: bisect the onset of oscillation; takes minutes.",
 )
-@click.option("--confront", "renamed", is_flag=True, hidden=True)
+@click.option("--confront", "renamed", is_flag=True, hidden=True, help="Now --validate.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
