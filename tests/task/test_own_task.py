@@ -63,7 +63,7 @@ def test_its_numbers_are_gated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     Path("mine.toml").write_text(SCENARIO)
     assert CliRunner().invoke(main, ["check", "mine.toml", "--update"]).exit_code == 0
     assert CliRunner().invoke(main, ["check"]).exit_code == 0
-    Path("mine.toml").write_text(SCENARIO.replace("0.2", "0.4"))
+    Path("mine.toml").write_text(f"{SCENARIO}[sheet]\nwidth_m = 0.06\n")
     moved = CliRunner().invoke(main, ["check"])
     assert moved.exit_code == 1
     assert "weight" in moved.output
