@@ -17,8 +17,8 @@ FOUNDATION = ("errors", "types", "resources")
 ROOMS = (
     *FOUNDATION,
     "beam",
-    "control",
     "mechanics",
+    "control",
     "arm",
     "scene",
     "planning",
@@ -49,7 +49,6 @@ PENDING = {
     "recording/render.py",
     "run/make.py",
     "run/saved.py",
-    "stability/tuning.py",
 }
 """Modules that still ask which task a run is of."""
 

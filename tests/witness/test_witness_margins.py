@@ -15,10 +15,10 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.filters import NYQUIST_HZ
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.margins import Sweep, eigenloci, loop_margins
+from dualbend.stability.margins import eigenloci, loop_margins
 from dualbend.stability.plant.environment import Environment, environments
-from dualbend.stability.prediction import judge
-from dualbend.stability.sampled import LoopElements, SampledLoop, si_per_unit
+from dualbend.stability.prediction import evaluate
+from dualbend.stability.sampled import LoopElements, SampledLoop, environment_loops, si_per_unit
 
 Vector = NDArray[np.float64]
 ComplexVector = NDArray[np.complex128]
@@ -94,7 +94,6 @@ def test_one_axis_from_physical_parameters(
     """A rigid arm without tool: nothing is asked of this project but K and the filter's taps."""
     _, elements, met = _met(name)
     acting, index = (axis == "x", axis == "rotation"), int(axis == "rotation")
-    sweep = Sweep.of(elements)
     run = report.run(WITNESS, f"{name}, {axis} alone, rigid arm")
     for at in met:
         way = next(iter(at.loops))
@@ -103,7 +102,7 @@ def test_one_axis_from_physical_parameters(
         def project(k: Vector = at.loops[way]) -> tuple[Any, Any]:
             loop = SampledLoop(elements, k, acting)
             mode = loop.mode()
-            return mode, loop_margins(loop, sweep, stable=mode.stable)
+            return mode, loop_margins(loop, stable=mode.stable)
 
         def witness(k: float = stiffness) -> tuple[Vector, Any]:
             opened = _loop(control, name, axis, k)
@@ -157,18 +156,11 @@ def _encirclements(control: Any, locus: Any) -> int:
 def test_the_loop_that_runs(name: str, control: Any, report: Report) -> None:
     """Arm, tool and both axes: the project's frequency response, judged by control."""
     _, elements, met = _met(name)
-    sweep = Sweep.of(elements)
     run = report.run(WITNESS, f"{name}, as it runs")
     for at in met:
-        row = run.timed("project", lambda e=at: judge(elements, sweep, e, "coupled"))
-        loop = SampledLoop(
-            elements,
-            at.loops[row.moving],
-            elements.acting("coupled", at.alpha_rad),
-            at.inertia,
-            at.arms[row.moving],
-            at.alpha_rad,
-        )
+        row = run.timed("project", lambda e=at: evaluate(elements, e, "coupled"))
+        acting = elements.acting("coupled", at.alpha_rad)
+        loop = environment_loops(elements, at, acting)[row.moving]
         loci = eigenloci(loop.open_loop(np.exp(-1j * OMEGA * COMMAND_PERIOD_S)))
 
         def witness(parts: ComplexVector = loci) -> tuple[list[Any], int]:
@@ -177,7 +169,7 @@ def test_the_loop_that_runs(name: str, control: Any, report: Report) -> None:
             return [control.stability_margins(d, returnall=True) for d in data], turns
 
         found, turns = run.timed("witness", witness)
-        grows = int((np.abs(np.linalg.eigvals(loop.a)) >= 1.0).sum())
+        grows = int((np.abs(np.linalg.eigvals(loop.closed.a)) >= 1.0).sum())
         run.row(
             "unstable poles, counted by Nyquist",
             f"{at.alpha_rad:g} rad",

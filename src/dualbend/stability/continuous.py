@@ -18,7 +18,7 @@ import numpy as np
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError
 from dualbend.stability.margins import Margins, margins
-from dualbend.stability.mode import Mode
+from dualbend.stability.mode import Mode, describe_pole
 from dualbend.stability.sampled import LoopElements
 from dualbend.types import Vector
 
@@ -63,17 +63,8 @@ class ContinuousLoop:
 
     def mode(self) -> Mode:
         """Return the dominant root of (22): without the delay exact, with it the crossing root."""
-        s = self._dominant_root()
-        return Mode(
-            spectral_radius=math.exp(s.real * COMMAND_PERIOD_S),
-            growth_per_s=s.real,
-            frequency_hz=abs(s.imag) / (2.0 * math.pi),
-            damping_ratio=-s.real / abs(s) if s else 0.0,
-        )
-
-    def _dominant_root(self) -> complex:
         roots = np.roots(self._with_pade())
-        return complex(roots[np.argmax(roots.real)])
+        return describe_pole(complex(roots[np.argmax(roots.real)]))
 
     def _with_pade(self) -> Vector:
         """Return (22) with the delay as a Padé fraction of order 4, exact to 1e-4 for ωτ < 3."""

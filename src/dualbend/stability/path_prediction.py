@@ -1,6 +1,6 @@
-"""A run told beforehand in a tenth of a second: a simple sheet and the real controller.
+"""Moment along the path predicted in a tenth of a second: a simple sheet, the real controller.
 
-The wrench of the nominal motion (oracle, arms' give) is computed once. A candidate controller then
+The wrench of the nominal motion (rod, compliant arms) is computed once. A candidate controller then
 runs cycle by cycle, as in the simulation, on w = w_nominal − K(α) q − M q̈ with the known tangent;
 along x the force follows the known curve. The moment is of first order in the deviations, so the
 first piece comes out too high. The simulation decides; this only ranks.
@@ -11,18 +11,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import sheet_wrench
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.run.arms import arm_pair, joint_stiffness
-from dualbend.run.known_sheet import ArmGive, known_sheet
+from dualbend.run.known_sheet import known_sheet
 from dualbend.scenario.motion import PHASES, nominal_motion
 from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.plant.equilibrium import rest
+from dualbend.scene.arm_compliance import ArmCompliance
+from dualbend.stability.plant.equilibrium import find_equilibrium
 from dualbend.types import Vector
 
 _EVERY = 4
@@ -75,17 +78,16 @@ class PathPrediction:
         """Return force x, z and moment (n, 3) on the sensing arm without any compliance."""
         scenario, count = self.scenario, len(self._pose)
         sheet = scenario.sheet.sheet()
-        give = ArmGive(arm_pair(scenario), joint_stiffness(scenario).tolist(), scenario.grasp)
+        arm = ArmCompliance(arm_pair(scenario), joint_stiffness(scenario), scenario.grasp)
         solved = np.unique([*range(0, count, _EVERY), count - 1])
-        wrenches, state = np.empty((len(solved), 3)), None
+        wrenches: Vector = np.empty((len(solved), 3))
+        state: RodState | None = None
         for row, cycle in zip(wrenches, solved.tolist(), strict=True):
-            x, z, alpha = self._now[cycle, :3].tolist()
-            compliance, _ = give.at(x, z, alpha)
+            x, _, alpha = pose = self._now[cycle, :3]
+            arm.move(pose)
+            compliance = arm.compliance + arm.grasp
             grips = np.array([x, 0.0, alpha] * 2)
-            both: Vector = np.zeros((6, 6))
-            both[:3, :3] = both[3:, 3:] = compliance + give.grasp
-            found = rest(sheet, grips, both, () if state is None else (state,))
-            state = found.state
+            state = find_equilibrium(sheet, grips, block_diag(compliance, compliance), state).state
             row[:] = sheet_wrench(state)[:3]
         every = np.arange(count)
         return np.stack([np.interp(every, solved, column) for column in wrenches.T], axis=1)

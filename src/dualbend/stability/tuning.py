@@ -19,13 +19,13 @@ from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import peak_by_piece
 from dualbend.run.known_sheet import make_admittance
+from dualbend.run.make import make_run
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.margins import Sweep, loop_margins
+from dualbend.stability.margins import loop_margins
 from dualbend.stability.path_prediction import PathPrediction
 from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.prediction import predict
-from dualbend.stability.sampled import LoopElements, SampledLoop
-from dualbend.task.bending.run import BendingRun
+from dualbend.stability.sampled import LoopElements, environment_loops
 
 BEYOND_THE_PAPER = AdmittanceConfig(
     units="sheet",
@@ -121,7 +121,7 @@ def tune(
 
 
 def _simulated(scenario: Scenario, seed: int) -> tuple[float, ...]:
-    result = BendingRun(msgspec.structs.replace(scenario, seed=seed)).run()
+    result = make_run(msgspec.structs.replace(scenario, seed=seed)).run()
     if result.outcome != "completed":
         raise InputError(f"the simulation with the gains found ended as {result.outcome}")
     return tuple(peak_by_piece(result))
@@ -197,17 +197,15 @@ class _Search:
 def least_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
     """Return the least margins of the sampled loop at places of the path."""
     elements = LoopElements.from_scenario(scenario)
-    sweep = Sweep.of(elements)
     gain, phase = math.inf, math.inf
     for at in places:
         acting = elements.acting("coupled", at.alpha_rad)
         if not any(acting):
             continue
-        for way, stiffness in at.loops.items():
-            loop = SampledLoop(elements, stiffness, acting, at.inertia, at.arms[way], at.alpha_rad)
+        for loop in environment_loops(elements, at, acting).values():
             if not (loop.mode().stable and loop.controller_stable):
                 return Margin(gain_db=-math.inf, phase_deg=-math.inf)
-            found = loop_margins(loop, sweep, stable=True)
+            found = loop_margins(loop, stable=True)
             gain, phase = min(gain, found.gain_db), min(phase, math.degrees(found.phase_rad))
     return Margin(gain_db=gain, phase_deg=phase)
 

@@ -1,4 +1,4 @@
-"""An arm that gives way: its joints, servos and tool under load, over one 28 ms cycle.
+"""A compliant arm: its joints, servos and tool under load, over one 28 ms cycle.
 
 The simulated arm follows its set-points to within what the load does to it. About a pose, with the
 moved joints q, their mass matrix M, servos (K, D), the feed-forward inertia J₀ and the grip's
@@ -20,7 +20,7 @@ import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponse
-from dualbend.stability.state_space import Blocks
+from dualbend.stability.state_space import StateSpace
 from dualbend.types import Vector
 
 
@@ -43,7 +43,7 @@ class Joints:
 
 
 @dataclass(frozen=True, kw_only=True)
-class YieldingArm:
+class CompliantArm:
     """A moving arm with what it carries, and what the sensor reads of its motion.
 
     ``sent`` (3, 2): a grip's x, z, α per δx, δα; ``load`` and ``carried`` (3, 3): stiffness and
@@ -60,7 +60,7 @@ class YieldingArm:
 
     def cycle(
         self, response: CommandResponse, age_steps: int, acting: tuple[bool, bool]
-    ) -> tuple[Blocks, int]:
+    ) -> tuple[StateSpace, int]:
         """Return one cycle from set-points of the acting axes to wrench, and whole cycles of age.
 
         States: y, ẏ and the last set-point of each axis, then q and q̇. The wrench is the one of
@@ -90,7 +90,7 @@ class YieldingArm:
         setpoints = np.eye(size)[size - axes :]
         end = np.vstack([last[0], last[1], setpoints, q, v])
         states = size - axes
-        return Blocks(
+        return StateSpace(
             a=end[:, :states], b=end[:, states:], c=wrench[:, :states], d=wrench[:, states:]
         ), cycles
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dualbend.control.compliance.admittance import Admittance
+from dualbend.mechanics.coupling import ModeName
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.continuous import delayed_loop, largest_stiffness
 from dualbend.stability.margins import FREQUENCIES_HZ, Z_INVERSE, margins
 from dualbend.stability.mode import Mode
-from dualbend.stability.plant.coupling import ModeName
 from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.sampled import LoopElements, SampledLoop
 from dualbend.study.onset.held import SingleAxis, held
@@ -113,7 +113,7 @@ class RayLoop:
         return {
             way: SampledLoop(elements, stiffness, acting, at.inertia, at.arms[way])
             for way, stiffness in at.loops.items()
-            if way != "opposed"
+            if way != "antisymmetric"
         }
 
 
