@@ -18,6 +18,7 @@ from dualbend.control.compliance.admittance import Admittance
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.compliance.schedule import KnownSheet
+from dualbend.control.filters import LowPassConfig
 from dualbend.errors import InputError
 from dualbend.mechanics.compliance import series_stiffness
 from dualbend.mechanics.coupling import Coupling, deviation_angle, wrench_response
@@ -46,25 +47,46 @@ def make_admittance(scenario: Scenario) -> Admittance:
     config = scenario.compliance
     if not config.modelled:
         return Admittance(config)
-    step_s = scenario.physics.step_s
-    models = [
-        ResponseModel(
-            response=scenario.response,
-            low_pass=scenario.filter,
-            delay_cycles=delay_cycles,
-            steps=steps_per_cycle(step_s),
-            # As in scene.simulation: the force that acts during a step is known when it is done.
-            age_steps=max(scenario.sensor.latency_steps(step_s), 1),
-            channels=channels,
-        )
+    own, nominal = (
+        response_model(scenario, delay_cycles=delay_cycles, channels=channels)
         for delay_cycles, channels in ((scenario.alter.delay_cycles, 2), (0, 3))
-    ]
+    )
     return ModelAdmittance(
         config,
         known=known_sheet(scenario),
         response=scenario.response,
-        own=models[0],
-        nominal=models[1],
+        own=own,
+        nominal=nominal,
+    )
+
+
+def reading_age_steps(scenario: Scenario) -> int:
+    """Return the age of a reading when a cycle uses it [physics steps], at least 1.
+
+    As in scene.simulation: the force that acts during a step is known when the step is done.
+    """
+    return max(scenario.sensor.latency_steps(scenario.physics.step_s), 1)
+
+
+def response_model(
+    scenario: Scenario,
+    *,
+    delay_cycles: int,
+    channels: int,
+    low_pass: LowPassConfig | None = None,
+    age_steps: int | None = None,
+) -> ResponseModel:
+    """Return the model of a scenario's robot response as its sensor reads it.
+
+    ``low_pass`` and ``age_steps`` are the scenario's own where they are not given.
+    """
+    return ResponseModel(
+        response=scenario.response,
+        low_pass=low_pass or scenario.filter,
+        delay_cycles=delay_cycles,
+        steps=steps_per_cycle(scenario.physics.step_s),
+        age_steps=age_steps or reading_age_steps(scenario),
+        channels=channels,
     )
 
 

@@ -10,7 +10,7 @@ and (23), Routh: (c b + k)(b ω_n² + c k) > b (k + k_e) ω_n².
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -182,11 +182,9 @@ def delayed_loop(
     compliance = sampled.static_compliance
     # Never quite 0, so that the polynomial keeps its degree.
     lag_s = max(sampled.pole * COMMAND_PERIOD_S / (1.0 - sampled.pole), 1e-6)
-    return ContinuousLoop(
+    return replace(
+        base,
         b=lag_s / compliance,
         k=1.0 / compliance,
-        stiffness=stiffness,
-        omega_rad_per_s=base.omega_rad_per_s,
-        two_xi_omega=base.two_xi_omega,
         delay_s=dead_time_s(elements, frequency_hz),
     )

@@ -9,7 +9,12 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig
+from dualbend.control.compliance.admittance import (
+    Admittance,
+    AdmittanceAxis,
+    AdmittanceConfig,
+    AxisConfig,
+)
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.continuous import largest_stiffness, paper_loop
@@ -88,8 +93,7 @@ def _panel(
     factors: tuple[Vector, Vector],
 ) -> Panel:
     config = scenario.compliance
-    given = config.x if axis == "x" else config.rotation
-    assert given is not None
+    given: AxisConfig = getattr(config, axis)
     factor = si_per_unit(config.units, axis)
     b, k = given.b * factors[0], given.k * factors[1]
     robot, index = paper_loop(elements, axis, 0.0), 0 if axis == "x" else 1
@@ -147,8 +151,7 @@ def _filters(
     Along a diagonal k/b is one and so is the pole a, and g falls as 1/b: δ = F/(b s + k) is
     linear. One filter for each diagonal does.
     """
-    given = config.x if axis == "x" else config.rotation
-    assert given is not None
+    given: AxisConfig = getattr(config, axis)
     along_b, along_k = factors
     n, m = along_b.size, along_k.size
     gains = np.empty((n, m))
@@ -162,8 +165,7 @@ def _filters(
             k=given.k * float(along_k[first + diagonal]),
         )
         filters = Admittance(msgspec.structs.replace(config, **{axis: changed}))
-        part = filters.x if axis == "x" else filters.rotation
-        assert part is not None
+        part: AdmittanceAxis = getattr(filters, axis)
         gains[rows, rows + diagonal] = part.gain * along_b[first] / along_b[rows]
         shapes[diagonal] = rational((np.ones(1), part.transfer_function()[1]), Z_INVERSE)
     return gains, shapes
@@ -176,10 +178,9 @@ def _gain_margins(
 
     With H = g/(1 − a z⁻¹), g is a factor only: one sweep for each diagonal of the map does.
     """
-    of_diagonal = {
-        diagonal: margins(FREQUENCIES_HZ, (response * shape)[:, np.newaxis], stable=True).gain
-        for diagonal, shape in shapes.items()
-    }
     n, m = gains.shape
-    along = [[of_diagonal[j - i] for j in range(m)] for i in range(n)]
-    return np.asarray(np.array(along) / gains)
+    along = [
+        margins(FREQUENCIES_HZ, (response * shapes[diagonal])[:, np.newaxis], stable=True).gain
+        for diagonal in range(1 - n, m)
+    ]
+    return np.asarray(np.array(along)[np.arange(m) - np.arange(n)[:, np.newaxis] + n - 1] / gains)

@@ -17,10 +17,9 @@ from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import sheet_wrench
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance
-from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.run.arms import arm_pair, joint_stiffness
-from dualbend.run.known_sheet import known_sheet
+from dualbend.run.known_sheet import known_sheet, reading_age_steps, response_model
 from dualbend.scenario.motion import PHASES, nominal_motion
 from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
@@ -28,12 +27,13 @@ from dualbend.scene.arm_compliance import ArmCompliance
 from dualbend.stability.plant.equilibrium import find_equilibrium
 from dualbend.types import Vector
 
+_NO_FILTER = LowPassConfig(kind="none")
 _EVERY = 4
 """Cycles between two solved states of the sheet."""
 
 
 class PathPrediction:
-    """The disturbance along a scenario's path, and what is left of it with a controller.
+    """The disturbance along a scenario's path, and the residual moment with a controller.
 
     Raises InputError where a state is not found or out of reach.
     """
@@ -45,7 +45,7 @@ class PathPrediction:
         motion = self._motion
         z = scenario.cell.sheet_height_m + motion.rise_m
         self._pose = np.stack([-motion.half_distance_m, z, motion.alpha_rad], axis=1)
-        self._age_steps = max(scenario.sensor.latency_steps(scenario.physics.step_s), 1)
+        self._age_steps = reading_age_steps(scenario)
         self._now = self._nominal_motion(1)
         self._read = self._nominal_motion(self._age_steps)
         self._wrench = self._nominal_wrench()
@@ -54,19 +54,11 @@ class PathPrediction:
         self._piece = np.clip(piece, 0, len(knots) - 2)
         self._bend = motion.phase == PHASES.index("bend")
 
-    def _model(self, *, delay_cycles: int, channels: int, age_steps: int) -> ResponseModel:
-        return ResponseModel(
-            response=self.scenario.response,
-            low_pass=LowPassConfig(kind="none"),
-            delay_cycles=delay_cycles,
-            steps=steps_per_cycle(self.scenario.physics.step_s),
-            age_steps=age_steps,
-            channels=channels,
-        )
-
     def _nominal_motion(self, age_steps: int) -> Vector:
         """Return x, z, α and their accelerations (n, 6), some steps before each cycle."""
-        model = self._model(delay_cycles=0, channels=3, age_steps=age_steps)
+        model = response_model(
+            self.scenario, delay_cycles=0, channels=3, low_pass=_NO_FILTER, age_steps=age_steps
+        )
         model.reset(self._pose[0])
         rows = np.empty((len(self._pose), 6))
         for row, pose in zip(rows, self._pose, strict=True):
@@ -113,8 +105,12 @@ class PathPrediction:
         if admittance is None:
             return np.asarray(self._wrench[:, 2])
         delay, lever = self.scenario.alter.delay_cycles, self.scenario.sensor.lever_arm_m
-        now = self._model(delay_cycles=delay, channels=2, age_steps=1)
-        read = self._model(delay_cycles=delay, channels=2, age_steps=self._age_steps)
+        now, read = (
+            response_model(
+                self.scenario, delay_cycles=delay, channels=2, low_pass=_NO_FILTER, age_steps=age
+            )
+            for age in (1, self._age_steps)
+        )
         low_pass = LowPass(self.scenario.filter, 3)
         ago = self._age_steps / steps_per_cycle(self.scenario.physics.step_s)
         moments = np.empty(len(self._pose))

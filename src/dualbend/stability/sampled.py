@@ -16,14 +16,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
-from dualbend.control.compliance.admittance import DEG_PER_RAD, MM_PER_M, Admittance, AdmittanceAxis
+from dualbend.control.compliance.admittance import (
+    DEG_PER_RAD,
+    MM_PER_M,
+    Admittance,
+    AdmittanceAxis,
+    AxisConfig,
+)
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
 from dualbend.control.response import CommandResponse
 from dualbend.errors import InputError
 from dualbend.mechanics.coupling import ModeName
-from dualbend.run.known_sheet import make_admittance
+from dualbend.run.known_sheet import make_admittance, reading_age_steps
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.controller import controller_system, plain_admittance
 from dualbend.stability.mode import Mode, describe_mode
@@ -63,14 +69,13 @@ class LoopElements:
     @classmethod
     def from_scenario(cls, scenario: Scenario) -> LoopElements:
         """Build the elements from the configurations that the run builds them from."""
-        step_s = scenario.physics.step_s
+        steps = steps_per_cycle(scenario.physics.step_s)
         return cls(
-            response=CommandResponse(scenario.response, 1, steps_per_cycle(step_s)),
+            response=CommandResponse(scenario.response, 1, steps),
             low_pass=LowPass(scenario.filter, 1),
             delay=TransportDelay(scenario.alter.delay_cycles, 1),
             admittance=make_admittance(scenario),
-            # As in scene.simulation: the force that acts during a step is known when it is done.
-            age_steps=max(scenario.sensor.latency_steps(step_s), 1),
+            age_steps=reading_age_steps(scenario),
         )
 
     def acting(self, axis: AxisName, alpha_rad: float = math.inf) -> tuple[bool, bool]:
@@ -96,7 +101,7 @@ class LoopElements:
 
     def axis(self, name: Literal["x", "rotation"]) -> AdmittanceAxis:
         """Return the filter of an axis; InputError where it is off."""
-        part = self.admittance.x if name == "x" else self.admittance.rotation
+        part: AdmittanceAxis | None = getattr(self.admittance, name)
         if part is None:
             raise InputError(f"compliance.{name} is off: nothing to analyse")
         return part
@@ -105,8 +110,7 @@ class LoopElements:
         """Return b [N s/m] or [N m s/rad] and k [N/m] or [N m/rad] that were configured."""
         self.axis(name)
         config = self.admittance.config
-        given = config.x if name == "x" else config.rotation
-        assert given is not None
+        given: AxisConfig = getattr(config, name)
         factor = si_per_unit(config.units, name)
         return given.b * factor, given.k * factor
 

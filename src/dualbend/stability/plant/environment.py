@@ -36,21 +36,16 @@ from dualbend.types import Vector
 class Environment:
     """What the loop works against at one bending angle.
 
-    ``sheet`` (6, 6): the rod's tangent stiffness with weight; ``series`` (6, 6): the same between
-    commanded positions, with arms and grasps in series; ``compliance`` (3, 3): of one arm and its
-    grasp. ``loops``: for each mode of the complying arms, the (2, 2) matrix of force x and moment
-    read against δx and δα; ``rigid_loops`` the same with rigid arms and grasps; ``arms``: the
-    moving arm. ``moved`` (6,): how far the grips at rest are from the path; ``inertia`` (2, 2): of
-    the tool, as the sensing arm reads it when it moves itself. ``settled``: False where no
-    equilibrium was found and the path's own poses were taken.
+    ``loops``: for each mode of the complying arms, the (2, 2) matrix of force x and moment read
+    against δx and δα, of the sheet with arms and grasps in series; ``rigid_loops`` the same with
+    rigid arms and grasps; ``arms``: the moving arm. ``moved`` (6,): how far the grips at rest are
+    from the path; ``inertia`` (2, 2): of the tool, as the sensing arm reads it when it moves
+    itself. ``settled``: False where no equilibrium was found and the path's poses were taken.
     """
 
     alpha_rad: float
     settled: bool
     moved: Vector
-    sheet: Vector
-    series: Vector
-    compliance: Vector
     inertia: Vector
     loops: dict[ModeName, Vector]
     rigid_loops: dict[ModeName, Vector]
@@ -110,9 +105,6 @@ def _environment(scenario: Scenario, arm: PosedArm, pose: Vector, *, at_rest: bo
         alpha_rad=alpha,
         settled=rest.settled,
         moved=rest.grips - np.array([pose[0], 0.0, alpha] * 2),
-        sheet=tangent,
-        series=series,
-        compliance=compliance,
         inertia=coupling.tool(tool),
         loops=coupling.loops(series),
         rigid_loops=coupling.loops(tangent),
