@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dualbend.control.compliance.admittance import Deviation
     from dualbend.errors import InputError
-    from dualbend.evaluation.metrics import summary
     from dualbend.report.results import write_results
     from dualbend.run.make import make_run
     from dualbend.run.saved import load_run
@@ -23,7 +22,6 @@ __all__ = [
     "load_run",
     "load_scenario",
     "make_run",
-    "summary",
     "write_results",
 ]
 
@@ -34,7 +32,6 @@ _HOMES = {
     "load_run": "run.saved",
     "load_scenario": "scenario.load",
     "make_run": "run.make",
-    "summary": "evaluation.metrics",
     "write_results": "report.results",
 }
 

@@ -19,9 +19,10 @@ from dualbend.cli import main
 from dualbend.control.delay import TransportDelay
 from dualbend.errors import InputError
 from dualbend.evaluation.fingerprint import model_fingerprint
-from dualbend.evaluation.metrics import Metric, bending_rows, compute_metrics
+from dualbend.evaluation.metrics import bending_rows
 from dualbend.evaluation.peaks import Place, peak_places
 from dualbend.run.make import make_run
+from dualbend.run.record import Metric
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 
@@ -272,7 +273,7 @@ def test_a_fault_of_the_program_ends_one_scenario_and_no_update_keeps_it(
 def test_every_peak_is_found_in_its_row() -> None:
     settings = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
     result = BendingRun(load_scenario("fig9", settings)).run()
-    metrics = compute_metrics(result)
+    metrics = result.metrics
     places = peak_places(result, metrics)
     pieces = places.pop("peak_moment_by_piece")
     assert len(pieces) == 2
@@ -295,12 +296,10 @@ def test_misaligned_grips_have_peaks_out_of_the_plane() -> None:
         "peak_twist_moment": ("moment_x", "N m"),
         "peak_yaw_moment": ("moment_z", "N m"),
     }
-    assert (
-        not columns.keys() & compute_metrics(BendingRun(load_scenario("fig6", plane)).run()).keys()
-    )
+    assert not columns.keys() & BendingRun(load_scenario("fig6", plane)).run().metrics.keys()
     rolled = [*brief, "misalignment.right.roll_rad=0.02"]
     result = BendingRun(load_scenario("fig6", rolled)).run()
-    metrics, bent = compute_metrics(result), bending_rows(result)
+    metrics, bent = result.metrics, bending_rows(result)
     places = peak_places(result, metrics)
     for name, (column, unit) in columns.items():
         peak = np.abs(result.trace[f"left_true_{column}"][bent]).max()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.evaluation.metrics import compute_metrics, oscillation_of, summary
-from dualbend.run.loop import RunResult
+from dualbend.evaluation.metrics import oscillation_of
+from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 
@@ -13,7 +13,7 @@ SHORT = ("motion.speed_rad_per_s=0.4", "path.end_rad=0.4", "motion.settle_s=0.1"
 
 
 @pytest.fixture(scope="module")
-def result() -> RunResult:
+def result() -> RunRecord:
     return BendingRun(load_scenario("fig6", SHORT)).run()
 
 
@@ -60,8 +60,8 @@ def test_a_short_record_tells_nothing() -> None:
     assert oscillation_of(np.zeros(10)) == (None, None, None)
 
 
-def test_peaks_by_piece_are_those_of_the_trace(result: RunResult) -> None:
-    metrics = compute_metrics(result)
+def test_peaks_by_piece_are_those_of_the_trace(result: RunRecord) -> None:
+    metrics = result.metrics
     pieces = metrics["peak_moment_by_piece"].value
     assert isinstance(pieces, list)
     assert len(pieces) == 2  # analytic: 0.4 rad in pieces of 0.2
@@ -70,8 +70,8 @@ def test_peaks_by_piece_are_those_of_the_trace(result: RunResult) -> None:
     assert pieces[0] == np.abs(result.trace["left_true_moment_y"][rows]).max()
 
 
-def test_summary_has_the_keys_that_users_gate_on(result: RunResult) -> None:
-    found = summary(result)
+def test_summary_has_the_keys_that_users_gate_on(result: RunRecord) -> None:
+    found = result.summary.to_json()
     assert {"scenario", "seed", "outcome", "versions", "metrics"} <= set(found)
     assert found["versions"]["mujoco"].startswith("4.0")
     for name in (
@@ -87,11 +87,11 @@ def test_summary_has_the_keys_that_users_gate_on(result: RunResult) -> None:
         assert set(found["metrics"][name]) == {"value", "unit"}
 
 
-def test_surface_strain_is_that_of_the_elastica(result: RunResult) -> None:
+def test_surface_strain_is_that_of_the_elastica(result: RunRecord) -> None:
     from dualbend.beam import elastica
 
     # Discretisation-limited, O(h²), and the arms end near the last nominal angle.
     expected = elastica.surface_strain(
         float(result.trace["left_grip_alpha"][-1]), 0.4, result.scenario.sheet.thickness_m
     )
-    assert compute_metrics(result)["peak_surface_strain"].value == pytest.approx(expected, rel=0.02)
+    assert result.metrics["peak_surface_strain"].value == pytest.approx(expected, rel=0.02)

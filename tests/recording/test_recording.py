@@ -23,7 +23,7 @@ from dualbend.recording.prediction import notes_of
 from dualbend.recording.scales import LONGEST_ARROW_M, Scales, diverging_colours
 from dualbend.recording.scene import CLEAR_OF_JAWS_M
 from dualbend.recording.write import write_recording
-from dualbend.run.loop import RunResult
+from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.motion import PHASES
 from dualbend.task.bending.run import BendingRun
@@ -93,19 +93,19 @@ class Recorded:
 
 
 @pytest.fixture(scope="module")
-def result() -> RunResult:
+def result() -> RunRecord:
     done = BendingRun(load_scenario("fig8", SHORT)).run()
     assert done.outcome == "completed"
     return done
 
 
 @pytest.fixture(scope="module")
-def notes(result: RunResult) -> Notes:
+def notes(result: RunRecord) -> Notes:
     return notes_of(result)
 
 
 @pytest.fixture(scope="module")
-def path(result: RunResult, notes: Notes, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(result: RunRecord, notes: Notes, tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("recording") / "run.rrd"
     write_recording(result, target, notes)
     return target
@@ -116,7 +116,7 @@ def recorded(path: Path) -> Recorded:
     return Recorded(path)
 
 
-def cut(result: RunResult, rows: int) -> RunResult:
+def cut(result: RunRecord, rows: int) -> RunRecord:
     """Return the run as if stopped in the cycle of its last row, which stays unfinished."""
     trace = copy.deepcopy(result.trace)
     trace.rows = rows
@@ -129,7 +129,7 @@ def cut(result: RunResult, rows: int) -> RunResult:
     )
 
 
-def hand_on_link5(result: RunResult, side: str) -> tuple[Rotation, NDArray[np.float64]]:
+def hand_on_link5(result: RunRecord, side: str) -> tuple[Rotation, NDArray[np.float64]]:
     """Return the hand's orientation and place on link5, which it keeps for the whole run."""
     data = mujoco.MjData(result.model)
     data.qpos[:] = result.trace.qpos[0]
@@ -149,7 +149,7 @@ def rrd(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_series_have_every_cycle_and_the_scene_every_third(
-    recorded: Recorded, result: RunResult
+    recorded: Recorded, result: RunRecord
 ) -> None:
     cycles = np.arange(result.trace.rows)
     frames = np.unique(np.append(cycles[::FRAME_CYCLES], cycles[-1]))
@@ -170,7 +170,7 @@ def test_series_have_every_cycle_and_the_scene_every_third(
     assert {"/scenario", "/outcome", "/guide", "/cell/path/left"} <= recorded.static.keys()
 
 
-def test_a_frame_that_shows_nothing_new_is_left_out(recorded: Recorded, result: RunResult) -> None:
+def test_a_frame_that_shows_nothing_new_is_left_out(recorded: Recorded, result: RunRecord) -> None:
     command = [result.trace[f"left_command_{axis}"] for axis in ("x", "z", "alpha")]
     frames = np.unique(np.append(np.arange(result.trace.rows)[::FRAME_CYCLES], -1))
     frames[frames < 0] = result.trace.rows - 1
@@ -195,7 +195,7 @@ def test_a_frame_that_shows_nothing_new_is_left_out(recorded: Recorded, result: 
     ],
 )
 def test_series_are_the_traces_columns(
-    recorded: Recorded, result: RunResult, entity: str, names: tuple[str, ...], factor: float
+    recorded: Recorded, result: RunRecord, entity: str, names: tuple[str, ...], factor: float
 ) -> None:
     series = factor * np.stack([result.trace[name] for name in names], axis=1)
     series = series[recorded.rows(entity)]
@@ -207,7 +207,7 @@ def test_series_are_the_traces_columns(
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_the_chain_of_poses_ends_at_the_grip(
-    recorded: Recorded, result: RunResult, side: str, sign: float
+    recorded: Recorded, result: RunRecord, side: str, sign: float
 ) -> None:
     grip, (bases, links) = result.model.site(f"{side}_grip"), HAND
     hand_turn, hand_place = hand_on_link5(result, side)
@@ -231,7 +231,7 @@ def test_the_chain_of_poses_ends_at_the_grip(
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_commanded_frames_point_into_the_sheet(
-    recorded: Recorded, result: RunResult, side: str, sign: float
+    recorded: Recorded, result: RunRecord, side: str, sign: float
 ) -> None:
     entity = f"/cell/grip/{side}_commanded"
     alpha = result.trace[f"{side}_command_alpha"][recorded.rows(entity)]
@@ -242,7 +242,7 @@ def test_commanded_frames_point_into_the_sheet(
 
 
 def test_the_sheet_keeps_its_length_and_meets_its_clamps(
-    recorded: Recorded, result: RunResult
+    recorded: Recorded, result: RunRecord
 ) -> None:
     sheet = result.scenario.sheet
     vertices = recorded("/cell/sheet", "Mesh3D:vertex_positions")
@@ -263,7 +263,7 @@ def test_the_sheet_keeps_its_length_and_meets_its_clamps(
         np.testing.assert_allclose(axis[:, end], edge, atol=SHEET_ROUNDING_M)
 
 
-def test_the_sheets_colour_is_its_moment(recorded: Recorded, result: RunResult) -> None:
+def test_the_sheets_colour_is_its_moment(recorded: Recorded, result: RunRecord) -> None:
     moment = result.bend_stiffness * result.trace.bends
     limit = Scales.of(result).moment_range_n_m
     assert np.abs(moment).max() <= limit < 2.01 * np.abs(moment).max()
@@ -289,7 +289,7 @@ def test_colours_diverge_from_grey() -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_arrows_are_the_true_wrench_in_the_world(
-    recorded: Recorded, result: RunResult, side: str, sign: float
+    recorded: Recorded, result: RunRecord, side: str, sign: float
 ) -> None:
     trace, scales = result.trace, Scales.of(result)
     vectors = recorded(f"/cell/wrench/{side}", "Arrows3D:vectors")
@@ -305,7 +305,7 @@ def test_arrows_are_the_true_wrench_in_the_world(
 
 @pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
 def test_the_force_is_drawn_on_the_sheets_side_of_the_gripper(
-    recorded: Recorded, result: RunResult, side: str, sign: float
+    recorded: Recorded, result: RunRecord, side: str, sign: float
 ) -> None:
     trace, inwards = result.trace, np.array([sign, sign, 1.0])
     rows = recorded.rows(f"/cell/wrench/{side}")
@@ -323,7 +323,7 @@ def test_the_force_is_drawn_on_the_sheets_side_of_the_gripper(
 
 
 def test_phases_are_a_lane_that_ends_with_the_outcome(
-    recorded: Recorded, result: RunResult
+    recorded: Recorded, result: RunRecord
 ) -> None:
     states = [state for (state,) in recorded.columns["/phase"]["StateChange:state"]]
     assert states == ["settle", "bend", "hold", "completed", ""]  # nothing: the lane's end
@@ -335,13 +335,13 @@ def test_phases_are_a_lane_that_ends_with_the_outcome(
     np.testing.assert_allclose(ends[-1], 1.1 * ends[-2], atol=1e-9)
 
 
-def test_the_text_is_the_resolved_scenario(recorded: Recorded, result: RunResult) -> None:
+def test_the_text_is_the_resolved_scenario(recorded: Recorded, result: RunRecord) -> None:
     assert recorded.static["/scenario"]["TextDocument:text"] == [result.scenario.to_toml()]
 
 
 @pytest.mark.parametrize("rows", [0, 1, 2, 20])
 def test_a_run_that_stopped_is_recorded_up_to_its_stop(
-    result: RunResult, tmp_path: Path, rows: int
+    result: RunRecord, tmp_path: Path, rows: int
 ) -> None:
     target = tmp_path / "stopped.rrd"
     write_recording(cut(result, rows), target)
@@ -370,7 +370,7 @@ def test_a_run_that_stopped_is_recorded_up_to_its_stop(
 
 
 def test_two_recordings_of_one_run_are_equal(
-    result: RunResult, notes: Notes, path: Path, recorded: Recorded, tmp_path: Path
+    result: RunRecord, notes: Notes, path: Path, recorded: Recorded, tmp_path: Path
 ) -> None:
     again = tmp_path / "again.rrd"
     write_recording(result, again, notes)
@@ -420,7 +420,7 @@ def test_of_a_sheet_that_yields_nothing_is_predicted(tmp_path: Path) -> None:
 
 
 def test_predicted_and_true_moments_agree(
-    recorded: Recorded, result: RunResult, notes: Notes
+    recorded: Recorded, result: RunRecord, notes: Notes
 ) -> None:
     rows = recorded.rows("/moment/predicted")
     predicted = recorded("/moment/predicted", "Scalars:scalars").ravel()
@@ -441,13 +441,13 @@ def test_metrics_have_a_row_each_with_their_unit(recorded: Recorded, notes: Note
     assert all(f"peak moment by piece {i + 1} [N m]" in text for i in range(len(pieces)))
 
 
-def test_a_path_that_cannot_be_written_is_refused(result: RunResult, tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_written_is_refused(result: RunRecord, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="missing"):
         write_recording(result, tmp_path / "missing" / "run.rrd")
 
 
 def test_the_example_of_the_page_reads_the_peak(
-    result: RunResult,
+    result: RunRecord,
     path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

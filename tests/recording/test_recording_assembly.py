@@ -10,18 +10,24 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_recording import ROUNDING_M, Recorded, rrd
 
-from dualbend.recording.assembly import PHASE_COLOURS, carried, contact_force, places
 from dualbend.recording.log import FRAME_CYCLES
 from dualbend.recording.write import write_recording
-from dualbend.run.loop import RunResult
 from dualbend.run.make import make_run
+from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.bed.config import HOLES, hole_places
 from dualbend.scene.bed.mjcf import laid_body
 from dualbend.scene.ik import carried_targets
 from dualbend.scene.sheet.strips import strip_body
-from dualbend.task.assembly.laid_sheets import show_laid, supply_rows
 from dualbend.task.assembly.motions import PHASES
+from dualbend.task.assembly.recording import (
+    LAYERS,
+    PHASE_COLOURS,
+    carried,
+    contact_force,
+    places,
+    supply_rows,
+)
 from dualbend.task.assembly.run import AssemblyRun
 from support.made_up_book import LAID_M, LAID_YAW_RAD, ROWS_A_PHASE, make_book, stages
 
@@ -31,17 +37,17 @@ SUPPLIED = ROWS_A_PHASE * (len(PHASES) + 2)
 
 
 @pytest.fixture(scope="module")
-def book() -> tuple[AssemblyRun, RunResult]:
+def book() -> tuple[AssemblyRun, RunRecord]:
     return make_book()
 
 
 @pytest.fixture(scope="module")
-def result(book: tuple[AssemblyRun, RunResult]) -> RunResult:
+def result(book: tuple[AssemblyRun, RunRecord]) -> RunRecord:
     return book[1]
 
 
 @pytest.fixture(scope="module")
-def path(result: RunResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(result: RunRecord, tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("recording") / "run.rrd"
     write_recording(result, target)
     return target
@@ -66,7 +72,7 @@ def test_the_file_is_sound_and_its_columns_are_complete(recorded: Recorded, path
     assert "/cell/workplace" in recorded.static
 
 
-def test_pins_stand_on_the_bed_as_high_as_they_are(recorded: Recorded, result: RunResult) -> None:
+def test_pins_stand_on_the_bed_as_high_as_they_are(recorded: Recorded, result: RunRecord) -> None:
     layout = result.scenario.assembly.layout
     for hole, place in zip(HOLES, hole_places(layout.holes), strict=True):
         pin = recorded.static[f"/cell/pin/{hole}"]
@@ -83,9 +89,9 @@ def test_a_tapered_pin_is_drawn_as_high_as_it_is(tmp_path: Path) -> None:
     tapered = make_run(load_scenario("pwb", ("assembly.layout.pins.tip=taper",))).cell.model
     mesh = mujoco.mjtGeom.mjGEOM_MESH
     assert (tapered.geom_type == mesh).sum() == len(HOLES)
-    from dualbend.recording.scene import _shapes
+    from dualbend.recording.geometry import shapes_of
 
-    (drawn,) = _shapes(tapered, tapered.body("pin_outer_left").id)
+    (drawn,) = shapes_of(tapered, tapered.body("pin_outer_left").id)
     vertices = np.array(drawn.vertex_positions.as_arrow_array().to_pylist())
     pins = result.scenario.assembly.layout.pins
     # Analytic: foot on the bed, tip at the pin's height, as wide as it is.
@@ -94,7 +100,7 @@ def test_a_tapered_pin_is_drawn_as_high_as_it_is(tmp_path: Path) -> None:
     assert np.hypot(*vertices[:, :2].T).max() == pytest.approx(pins.diameter_m / 2, rel=1e-5)
 
 
-def test_holes_are_where_the_sheets_holes_are(recorded: Recorded, result: RunResult) -> None:
+def test_holes_are_where_the_sheets_holes_are(recorded: Recorded, result: RunRecord) -> None:
     layout = result.scenario.assembly.layout
     shown = range(0, len(STAGES), FRAME_CYCLES)
     flat = [row for row in shown if not result.trace.bends[row].any()]
@@ -112,7 +118,7 @@ def test_holes_are_where_the_sheets_holes_are(recorded: Recorded, result: RunRes
 
 
 def test_a_laid_sheet_appears_when_the_next_is_supplied(
-    recorded: Recorded, result: RunResult
+    recorded: Recorded, result: RunRecord
 ) -> None:
     np.testing.assert_array_equal(supply_rows(result), [SUPPLIED])
     (time,) = recorded.times_ns["/cell/laid/1"]
@@ -124,12 +130,12 @@ def test_a_laid_sheet_appears_when_the_next_is_supplied(
     np.testing.assert_allclose(left.mean(axis=0), LAID_M, atol=1e-5)
 
 
-def test_laid_plates_are_drawn_where_the_sheets_own_were(result: RunResult) -> None:
+def test_laid_plates_are_drawn_where_the_sheets_own_were(result: RunRecord) -> None:
     model = result.model
     data, before = mujoco.MjData(model), mujoco.MjData(model)
-    show_laid(model, data, result, SUPPLIED - 1)
+    LAYERS.pose_others(model, data, result, SUPPLIED - 1)
     assert (data.mocap_pos[:, 2] < -0.9).all()  # still hidden
-    show_laid(model, data, result, SUPPLIED)
+    LAYERS.pose_others(model, data, result, SUPPLIED)
     mujoco.mj_forward(model, data)
     before.qpos[:] = result.trace.qpos[SUPPLIED - 1]
     mujoco.mj_forward(model, before)
@@ -160,7 +166,7 @@ def test_phases_and_attempts_are_a_lane(recorded: Recorded) -> None:
 
 
 def test_commanded_grips_are_carried_as_the_ik_carries_them(
-    recorded: Recorded, result: RunResult
+    recorded: Recorded, result: RunRecord
 ) -> None:
     trace = result.trace
     sent = carried(trace, places(trace), result.scenario.alter.delay_cycles)
@@ -178,7 +184,7 @@ def test_commanded_grips_are_carried_as_the_ik_carries_them(
             np.testing.assert_allclose(turn.as_matrix(), matrix, atol=4e-6)  # rounded to 1e-6
 
 
-def test_the_compliance_is_sent_as_late_as_the_robot_takes_it(result: RunResult) -> None:
+def test_the_compliance_is_sent_as_late_as_the_robot_takes_it(result: RunRecord) -> None:
     trace, delay = result.trace, result.scenario.alter.delay_cycles
     late = (carried(trace, places(trace), delay) - places(trace))[:, [0, 1, 3]]
     given = np.stack([trace[f"object_deviation_{a}"] for a in ("x", "y", "yaw")], axis=1)
@@ -187,7 +193,7 @@ def test_the_compliance_is_sent_as_late_as_the_robot_takes_it(result: RunResult)
     np.testing.assert_array_equal(late[:delay], 0.0)
 
 
-def test_contact_is_what_the_arms_feel_beside_the_weight(result: RunResult) -> None:
+def test_contact_is_what_the_arms_feel_beside_the_weight(result: RunRecord) -> None:
     trace = result.trace
     rows = np.array([phase for _, phase, _ in STAGES])
     sheets = np.array([sheet for sheet, _, _ in STAGES])
@@ -220,7 +226,7 @@ def test_lines_of_contact_end_where_there_is_none(recorded: Recorded) -> None:
     np.testing.assert_array_equal(shown, force[finite])
 
 
-def test_plots_of_holes_and_pins_are_the_traces(recorded: Recorded, result: RunResult) -> None:
+def test_plots_of_holes_and_pins_are_the_traces(recorded: Recorded, result: RunRecord) -> None:
     trace = result.trace
     forces = np.stack([trace[f"pin_force_{hole}"] for hole in HOLES], axis=1)
     np.testing.assert_array_equal(recorded("/pin_force", "Scalars:scalars"), forces)  # a copy

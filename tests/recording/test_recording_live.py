@@ -19,7 +19,7 @@ from test_recording import SHORT
 from dualbend.cli import main
 from dualbend.errors import InputError
 from dualbend.recording.live import SPAWN, LiveRecording, check_viewer
-from dualbend.run.loop import RunResult
+from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
@@ -68,11 +68,11 @@ def viewer() -> Iterator[Viewer]:
 
 
 @pytest.fixture(scope="module")
-def alone() -> RunResult:
+def alone() -> RunRecord:
     return BendingRun(load_scenario("fig8", SHORT)).run()
 
 
-def same(one: RunResult, other: RunResult) -> None:
+def same(one: RunRecord, other: RunRecord) -> None:
     """Assert that two traces are equal bit for bit, but for the clock on the wall."""
     assert one.outcome == other.outcome
     assert one.trace.rows == other.trace.rows
@@ -91,7 +91,7 @@ def rows_in(path: Path, entity: str) -> int:
 
 
 def test_a_watched_run_is_the_same_bit_for_bit(
-    viewer: Viewer, alone: RunResult, tmp_path: Path
+    viewer: Viewer, alone: RunRecord, tmp_path: Path
 ) -> None:
     run, path = BendingRun(load_scenario("fig8", SHORT)), tmp_path / "live.rrd"
     with LiveRecording(run, viewer.address, path) as live:
@@ -172,7 +172,7 @@ def test_a_laid_sheet_of_a_book_is_streamed_once(viewer: Viewer, tmp_path: Path)
 
 
 def test_a_viewer_that_dies_does_not_end_the_run(
-    viewer: Viewer, alone: RunResult, tmp_path: Path
+    viewer: Viewer, alone: RunRecord, tmp_path: Path
 ) -> None:
     run, path = BendingRun(load_scenario("fig8", SHORT)), tmp_path / "live.rrd"
     with LiveRecording(run, viewer.address, path) as live:

@@ -3,35 +3,33 @@
 from dataclasses import replace
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import rerun as rr
 
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import compute_metrics, summary
 from dualbend.report.compare import compare_runs, labels, report_text, write_comparison
 from dualbend.run import output
-from dualbend.run.loop import RunResult
-from dualbend.run.saved import SavedRun, load_run
+from dualbend.run.record import RunRecord
+from dualbend.run.saved import load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
 
 
-def leave(folder: Path, name: str, *settings: str) -> RunResult:
+def leave(folder: Path, name: str, *settings: str) -> RunRecord:
     result = BendingRun(load_scenario(name, [*SHORT, *settings])).run()
     folder.mkdir(parents=True)
     output.write_scenario(result, folder / "scenario.toml")
     output.write_trace(result, folder / "trace.parquet")
-    output.write_summary(summary(result), folder / "summary.json")
+    output.write_summary(result, folder / "summary.json")
     return result
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult, RunResult]:
+def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunRecord, RunRecord]:
     top = tmp_path_factory.mktemp("runs")
     return (
         top,
@@ -41,29 +39,29 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult, 
 
 
 @pytest.fixture(scope="module")
-def runs(results: tuple[Path, RunResult, RunResult]) -> tuple[SavedRun, SavedRun]:
+def runs(results: tuple[Path, RunRecord, RunRecord]) -> tuple[RunRecord, RunRecord]:
     return load_run(results[0] / "one"), load_run(results[0] / "other")
 
 
 def test_a_folder_gives_back_the_run(
-    results: tuple[Path, RunResult, RunResult], runs: tuple[SavedRun, SavedRun]
+    results: tuple[Path, RunRecord, RunRecord], runs: tuple[RunRecord, RunRecord]
 ) -> None:
     result, run = results[1], runs[0]
     assert run.scenario == result.scenario  # exact
     assert np.array_equal(run["left_true_moment_y"], result.trace["left_true_moment_y"])  # exact
-    assert run.summary.metrics["peak_moment"].value == compute_metrics(result)["peak_moment"].value
+    assert run.summary.metrics["peak_moment"].value == result.metrics["peak_moment"].value
     assert (run.phases, run.sensing_side) == (result.phases, "left")
 
 
-def test_whose_compliance_it_was_is_compared(runs: tuple[SavedRun, SavedRun]) -> None:
+def test_whose_compliance_it_was_is_compared(runs: tuple[RunRecord, RunRecord]) -> None:
     a, b = runs
-    mine = replace(b, summary=msgspec.structs.replace(b.summary, controller="mine.Still"))
+    mine = replace(b, controller="mine.Still")
     assert "controller" not in {item.name for item in compare_runs(a, b).settings}
     found = compare_runs(a, mine).settings[0]
     assert (found.name, found.a, found.b) == ("controller", "the scenario's own", "mine.Still")
 
 
-def test_metrics_are_put_side_by_side_with_their_change(runs: tuple[SavedRun, SavedRun]) -> None:
+def test_metrics_are_put_side_by_side_with_their_change(runs: tuple[RunRecord, RunRecord]) -> None:
     rows = {row.name: row for row in compare_runs(*runs).metrics}
     peak = rows["peak_moment"]
     first, second = (run.summary.metrics["peak_moment"].value for run in runs)
@@ -79,7 +77,7 @@ def test_metrics_are_put_side_by_side_with_their_change(runs: tuple[SavedRun, Sa
 
 
 def test_settings_that_differ_are_all_that_were_set_otherwise(
-    runs: tuple[SavedRun, SavedRun],
+    runs: tuple[RunRecord, RunRecord],
 ) -> None:
     found = {item.name: (item.a, item.b) for item in compare_runs(*runs).settings}
     assert {name for name in found if not name.startswith("compliance.")} == {
@@ -90,7 +88,7 @@ def test_settings_that_differ_are_all_that_were_set_otherwise(
     assert found["compliance.x.b"] == ("-", "7.0")
 
 
-def test_a_run_against_itself_differs_in_nothing(runs: tuple[SavedRun, SavedRun]) -> None:
+def test_a_run_against_itself_differs_in_nothing(runs: tuple[RunRecord, RunRecord]) -> None:
     found = compare_runs(runs[0], runs[0])
     assert found.settings == found.versions == []
     assert {row.change for row in found.metrics} <= {0.0, None}
@@ -99,12 +97,12 @@ def test_a_run_against_itself_differs_in_nothing(runs: tuple[SavedRun, SavedRun]
 
 
 def test_runs_are_called_by_the_shortest_name_that_tells_them_apart(
-    runs: tuple[SavedRun, SavedRun],
+    runs: tuple[RunRecord, RunRecord],
 ) -> None:
     assert labels(*runs) == ("one", "other")
 
 
-def test_everything_is_written(runs: tuple[SavedRun, SavedRun], tmp_path: Path) -> None:
+def test_everything_is_written(runs: tuple[RunRecord, RunRecord], tmp_path: Path) -> None:
     found = compare_runs(*runs)
     write_comparison(*runs, found, tmp_path / "out")
     files = {path.name: path for path in (tmp_path / "out").iterdir()}
@@ -114,7 +112,7 @@ def test_everything_is_written(runs: tuple[SavedRun, SavedRun], tmp_path: Path) 
 
 
 def test_the_recording_holds_both_runs_moments(
-    runs: tuple[SavedRun, SavedRun], tmp_path: Path
+    runs: tuple[RunRecord, RunRecord], tmp_path: Path
 ) -> None:
     write_comparison(*runs, compare_runs(*runs), tmp_path)
     reader = rr.chunk.RrdReader(tmp_path / "compare.rrd")
@@ -133,7 +131,7 @@ def test_the_recording_holds_both_runs_moments(
     assert {"/phase/a", "/phase/b", "/grips/a/left", "/grips/b/right"} <= set(batches)
 
 
-def test_what_is_no_run_is_said(results: tuple[Path, RunResult, RunResult], tmp_path: Path) -> None:
+def test_what_is_no_run_is_said(results: tuple[Path, RunRecord, RunRecord], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nowhere: no such folder"):
         load_run(tmp_path / "nowhere")
     with pytest.raises(InputError, match=r"no folder of a run: there is no scenario\.toml, summ"):
@@ -154,7 +152,7 @@ def test_what_is_no_run_is_said(results: tuple[Path, RunResult, RunResult], tmp_
 
 
 def test_another_table_is_no_trace(
-    results: tuple[Path, RunResult, RunResult], tmp_path: Path
+    results: tuple[Path, RunRecord, RunRecord], tmp_path: Path
 ) -> None:
     for name in ("scenario.toml", "summary.json"):
         (tmp_path / name).write_bytes((results[0] / "one" / name).read_bytes())
@@ -165,7 +163,7 @@ def test_another_table_is_no_trace(
 
 
 def test_a_scenario_that_is_not_understood_names_its_folder(
-    results: tuple[Path, RunResult, RunResult], tmp_path: Path
+    results: tuple[Path, RunRecord, RunRecord], tmp_path: Path
 ) -> None:
     for name in ("summary.json", "trace.parquet"):
         (tmp_path / name).write_bytes((results[0] / "one" / name).read_bytes())
@@ -175,6 +173,6 @@ def test_a_scenario_that_is_not_understood_names_its_folder(
     assert str(caught.value).startswith(str(tmp_path))
 
 
-def test_an_unwritable_folder_is_said(runs: tuple[SavedRun, SavedRun]) -> None:
+def test_an_unwritable_folder_is_said(runs: tuple[RunRecord, RunRecord]) -> None:
     with pytest.raises(InputError, match="--out /proc/none: cannot be written"):
         write_comparison(*runs, compare_runs(*runs), Path("/proc/none"))

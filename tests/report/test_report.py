@@ -26,7 +26,8 @@ from dualbend.report.settings import settings_of
 from dualbend.resources import limitations_file
 from dualbend.run import output
 from dualbend.run.make import make_run
-from dualbend.run.saved import UNFINISHED, SavedRun, load_run
+from dualbend.run.record import RunRecord
+from dualbend.run.saved import UNFINISHED, load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.study.paper_figures import FORMATS, write_pictures
 from support.left_runs import leave
@@ -46,7 +47,7 @@ def top(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def fig8(top: Path) -> SavedRun:
+def fig8(top: Path) -> RunRecord:
     return load_run(top / "fig8")
 
 
@@ -54,7 +55,7 @@ def call(*arguments: str) -> Result:
     return CliRunner().invoke(main, list(arguments))
 
 
-def test_the_hinges_lead_from_one_edge_to_the_other(fig8: SavedRun) -> None:
+def test_the_hinges_lead_from_one_edge_to_the_other(fig8: RunRecord) -> None:
     """Analytic: a chain of rigid strips closes, to the rounding of its 22 joints."""
     for row in bending_rows(fig8)[::7].tolist():
         _, x, z = sheet_points(fig8, row)
@@ -62,7 +63,7 @@ def test_the_hinges_lead_from_one_edge_to_the_other(fig8: SavedRun) -> None:
         assert z[-1] == pytest.approx(fig8["right_edge_z"][row], abs=1e-10)
 
 
-def test_the_sheet_lies_on_the_rod_between_its_own_ends(fig8: SavedRun) -> None:
+def test_the_sheet_lies_on_the_rod_between_its_own_ends(fig8: RunRecord) -> None:
     """Discretisation-limited, O(h²), 0.05 mm with 20 hinges; the motion adds to it."""
     found = shapes(fig8)
     assert [shape.alpha_rad for shape in found] == sorted(shape.alpha_rad for shape in found)
@@ -90,7 +91,7 @@ def test_a_plate_has_its_shape_too(tmp_path: Path) -> None:
     assert "the simulated strips" not in page
 
 
-def test_the_oracle_at_the_recorded_poses_is_the_true_moment(fig8: SavedRun) -> None:
+def test_the_oracle_at_the_recorded_poses_is_the_true_moment(fig8: RunRecord) -> None:
     """Discretisation-limited, 1 % of the peak at 0.1 rad/s; four times as fast here."""
     true, oracle = moment_lines(fig8)[2], oracle_at_edges(fig8)
     assert true.name == "true"
@@ -156,7 +157,7 @@ def test_elements_escape_text_and_attributes() -> None:
     )
 
 
-def test_limitations_are_those_of_the_documentation(fig8: SavedRun) -> None:
+def test_limitations_are_those_of_the_documentation(fig8: RunRecord) -> None:
     text = limitations_file().read_text(encoding="utf-8")
     shown = str(markdown(text))
     assert shown.count("<li>") == len(re.findall(r"^\* ", text, re.MULTILINE)) > 5
@@ -296,7 +297,7 @@ def test_a_compliance_brought_along_is_named_and_not_predicted(top: Path, tmp_pa
     assert '<th scope="row">controller</th><td>the scenario\'s own</td>' in own
 
 
-def test_the_summarys_sheet_and_arms_are_shown(fig8: SavedRun, tmp_path: Path) -> None:
+def test_the_summarys_sheet_and_arms_are_shown(fig8: RunRecord, tmp_path: Path) -> None:
     page, sheet, arms = report([fig8]), fig8.summary.sheet, fig8.summary.arms
     raw = json.loads((fig8.folder / "summary.json").read_text())
     assert (sheet, arms) == (raw["sheet"], raw["arms"])  # exact

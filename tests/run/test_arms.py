@@ -5,7 +5,6 @@ import pytest
 
 from dualbend.arm.catalog import JOINT_COUNT
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import summary
 from dualbend.run.arm_list import arm_table, judge_arms, table_markdown, table_text, verdict_text
 from dualbend.run.arm_load import sheet_load
 from dualbend.run.known_sheet import known_sheet
@@ -46,7 +45,7 @@ def test_a_shortened_run_completes(arms: tuple[str, ...]) -> None:
     vertical = -(result.trace["left_true_force_z"] + result.trace["right_true_force_z"])
     settled = vertical[result.trace["phase"] == 0][-3:]
     np.testing.assert_allclose(settled, weight, rtol=0.02)  # analytic but for what still swings
-    room = summary(result)["arms"]
+    room = result.summary.to_json()["arms"]
     assert room["left"]["arm"] == run.cell.arms.left.model.name
     assert room["left"]["room_deg"] >= 5.0
 

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import dualbend
-from dualbend import BendingRun, Deviation, load_run, load_scenario, summary, write_results
+from dualbend import BendingRun, Deviation, load_run, load_scenario, write_results
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.errors import InputError
+from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
+from dualbend.task.bending import metrics as bending_metrics
 from dualbend.types import Vector
 
 SHORT = ("motion.speed_rad_per_s=1.0", "path.end_rad=0.2", "sheet.strips.hinges=10")
@@ -63,25 +65,23 @@ def test_a_run_says_whose_compliance_it_had(tmp_path: Path) -> None:
     assert load_run(tmp_path).summary.controller == result.controller
     plain = BendingRun(short()).run()
     assert plain.controller == ""
-    assert "controller" not in summary(plain)
+    assert "controller" not in plain.summary.to_json()
 
 
 def test_the_numbers_are_computed_once_for_summary_and_recording(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    calls = list[RunRecord]()
+    real = bending_metrics.metrics
+
+    def counted(record: RunRecord) -> dict[str, Metric]:
+        calls.append(record)
+        return real(record)
+
+    monkeypatch.setattr(bending_metrics, "metrics", counted)
     result = BendingRun(short()).run()
-    numbers, calls = summary(result), list[str]()
-    for module in ("report.results", "recording.prediction"):
-
-        def counted(_: object, module: str = module) -> dict[str, object]:
-            calls.append(module)
-            return numbers
-
-        monkeypatch.setattr(f"dualbend.{module}.summary", counted)
     assert write_results(result, tmp_path) == []
-    assert calls == ["report.results"]
-    assert write_results(result, tmp_path, numbers=numbers) == []
-    assert calls == ["report.results"]
+    assert calls == [result]
 
 
 def test_a_table_of_the_knots_makes_the_run_of_the_pieces() -> None:

@@ -15,14 +15,15 @@ from dualbend.arm.pair import paper_pair
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.guard import Guard, GuardConfig, ProtectiveStop
 from dualbend.errors import InputError
-from dualbend.run.loop import RunResult
+from dualbend.run.planar import refuse_snapped
+from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS, Trace
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.motion import PHASES
 from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD
 from dualbend.scene.sheet.strips import strip_body
 from dualbend.scene.warnings import SimulationFailed, refuse_warnings
-from dualbend.task.bending.run import BendingRun, refuse_snapped
+from dualbend.task.bending.run import BendingRun
 
 Array = NDArray[np.float64]
 SHORT = (
@@ -47,7 +48,7 @@ def prepare(*settings: str, seed: int | None = None) -> BendingRun:
 
 
 @cache
-def run(*settings: str, seed: int | None = None) -> RunResult:
+def run(*settings: str, seed: int | None = None) -> RunRecord:
     return prepare(*settings, seed=seed).run()
 
 
@@ -192,7 +193,7 @@ def test_what_is_measured_is_what_is_true_at_rest() -> None:
             assert abs(difference) < unit
 
 
-def energy(result: RunResult, row: int) -> float:
+def energy(result: RunRecord, row: int) -> float:
     """Return the strain energy and height energy of the sheet [J]."""
     model = result.model
     data = mujoco.MjData(model)

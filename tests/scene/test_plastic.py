@@ -11,7 +11,6 @@ from click.testing import CliRunner
 from dualbend.beam.material import find_material
 from dualbend.cli import main
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import summary
 from dualbend.evaluation.sheet import sheet_report, sheet_warning
 from dualbend.run.permanent_set import hinge_moments, permanent_curvature
 from dualbend.scenario.load import load_scenario
@@ -110,7 +109,7 @@ def test_the_cell_leaves_a_set_and_says_so() -> None:
     run, result = vm.run_springback()
     assert result.outcome == "completed", result.reason
     assert [PHASES[i] for i in np.unique(result.trace["phase"].astype(int))] == list(PHASES)
-    found = summary(result)
+    found = result.summary.to_json()
     metrics = {name: metric["value"] for name, metric in found["metrics"].items()}
     assert found["sheet"]["theory"].startswith("does not apply")
     assert metrics["permanent_curvature"] > 1.0  # bent to twice its yield: golden, 4.5

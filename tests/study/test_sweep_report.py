@@ -12,7 +12,7 @@ import tomli_w
 from scipy.stats import sobol_indices, uniform
 
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import Metric
+from dualbend.run.record import Metric
 from dualbend.study.sweep.design import Design, make_design
 from dualbend.study.sweep.file import Sweep, load_sweep
 from dualbend.study.sweep.progress import Progress, duration

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from dualbend.evaluation.metrics import summary
 from dualbend.run import output
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
@@ -20,5 +19,5 @@ def leave(folder: Path, name: str, *settings: str, until: int | None = None) -> 
     folder.mkdir(parents=True)
     output.write_scenario(result, folder / "scenario.toml")
     output.write_trace(result, folder / "trace.parquet")
-    output.write_summary(summary(result), folder / "summary.json")
+    output.write_summary(result, folder / "summary.json")
     return folder

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dualbend.run.loop import RunResult
 from dualbend.run.make import make_run
-from dualbend.run.trace import Trace
+from dualbend.run.record import RunRecord, Scene
+from dualbend.run.trace import TraceRecorder
 from dualbend.scenario.load import load_scenario
 from dualbend.task.assembly.motions import PHASES
 from dualbend.task.assembly.run import AssemblyRun
@@ -29,7 +29,7 @@ def stages() -> list[tuple[int, str, int]]:
     return [stage for stage in both for _ in range(ROWS_A_PHASE)]
 
 
-def make_book(seed: int = 3) -> tuple[AssemblyRun, RunResult]:
+def make_book(seed: int = 3) -> tuple[AssemblyRun, RunRecord]:
     """Return a run that was not made and what it would have left, its columns drawn at random.
 
     The last row is unfinished, as that of a run that stopped.
@@ -38,7 +38,7 @@ def make_book(seed: int = 3) -> tuple[AssemblyRun, RunResult]:
     assert isinstance(run, AssemblyRun)
     simulation, rows = run.cell.simulation, stages()
     hinges = run.scenario.sheet.strips.hinges
-    trace = Trace(
+    trace = TraceRecorder(
         len(rows), [0, 1], simulation.model.nq, hinges, simulation.joints, run.task_columns
     )
     generator = np.random.default_rng(seed)
@@ -61,14 +61,12 @@ def make_book(seed: int = 3) -> tuple[AssemblyRun, RunResult]:
     for name, _ in trace.columns:
         if "command" in name or "measured" in name or "filtered" in name:
             trace[name][-1] = np.nan
-    return run, RunResult(
+    return run, RunRecord(
         scenario=run.scenario,
         outcome="aborted",
         reason="withdraw: made up, at 2 s",
-        phases=run.phases,
         trace=trace,
-        model=run.cell.model,
-        bend_stiffness=simulation.bend_stiffness,
+        scene=Scene(model=run.cell.model, bend_stiffness=simulation.bend_stiffness),
         simulated_s=0.028 * len(rows),
         wall_time_s=1.0,
     )

@@ -6,7 +6,7 @@ import signal
 import time
 from pathlib import Path
 
-from dualbend.evaluation.metrics import Metric
+from dualbend.run.record import Metric
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.sweep.row import RunRow
 

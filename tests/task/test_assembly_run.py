@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from dualbend.beam import elastica
 from dualbend.errors import InputError
-from dualbend.evaluation.assembly import final_holes, phase_table, seated
 from dualbend.run.cell import RobotCell
-from dualbend.run.loop import RunResult
 from dualbend.run.output import trace_kept
-from dualbend.run.trace import WALL_CLOCK_COLUMNS, Trace, TraceStream, read_trace
+from dualbend.run.record import RunRecord
+from dualbend.run.trace import WALL_CLOCK_COLUMNS, Trace, TraceRecorder, TraceStream, read_trace
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.scene.sheet.strips import bend_joint, strip_body, twist_joint
 from dualbend.task.assembly import run as assembly_run
+from dualbend.task.assembly.metrics import final_holes, phase_table, seated
 from dualbend.task.assembly.motions import PHASES
 from dualbend.task.assembly.run import AssemblyRun
 from dualbend.task.assembly.stiffness import object_stiffness
@@ -34,7 +34,7 @@ FRAGILE = ("assembly.limits.pin_force_n=0.2",)
 
 
 @cache
-def run(name: str, *settings: str) -> RunResult:
+def run(name: str, *settings: str) -> RunRecord:
     return AssemblyRun(load_scenario(name, list(settings))).run()
 
 
@@ -293,7 +293,7 @@ def test_the_end_force_that_is_left_out_is_within_the_gain_margin() -> None:
 # --- an interrupted run's trace -----------------------------------------------------------------
 
 
-def interrupted(folder: Path, cycles: int) -> tuple[RunResult, Path]:
+def interrupted(folder: Path, cycles: int) -> tuple[RunRecord, Path]:
     """Stop a run after some cycles as Ctrl-C does; return it and a copy of its stream."""
     prepared_ = AssemblyRun(load_scenario("pwb"))
     copy = folder / "copy.arrow"
@@ -334,7 +334,7 @@ def test_the_stream_of_an_interrupted_run_is_its_first_rows(tmp_path: Path) -> N
 
 
 def test_a_stream_takes_no_row_twice(tmp_path: Path) -> None:
-    trace = Trace(100, [], 1, 1, ())
+    trace = TraceRecorder(100, [], 1, 1, ())
     stream = TraceStream(tmp_path / "trace.arrow", {})
     for row in range(100):
         trace.rows = row + 1

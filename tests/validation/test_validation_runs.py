@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from dualbend.run.loop import RunResult
+from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD
 from dualbend.task.bending.run import BendingRun
@@ -14,21 +14,21 @@ from dualbend.validation.cases import runs as vr
 SHORT = ("motion.settle_s=0.3", "motion.hold_s=0", "path.end_rad=0.1", "motion.speed_rad_per_s=0.2")
 
 
-def run(name: str, *settings: str, seed: int | None = None) -> RunResult:
+def run(name: str, *settings: str, seed: int | None = None) -> RunRecord:
     return BendingRun(load_scenario(name, settings, seed)).run()
 
 
 @pytest.fixture(scope="module")
-def fig6() -> RunResult:
+def fig6() -> RunRecord:
     return run("fig6")
 
 
 @pytest.fixture(scope="module")
-def short() -> RunResult:
+def short() -> RunRecord:
     return run("exact", *SHORT)
 
 
-def test_moment_of_the_run_is_the_oracles(fig6: RunResult) -> None:
+def test_moment_of_the_run_is_the_oracles(fig6: RunRecord) -> None:
     rows = list(vr.moment_rows(fig6))
     assert len(rows) == 3
     assert [row.name for row in rows if not row.passed] == []
@@ -37,7 +37,7 @@ def test_moment_of_the_run_is_the_oracles(fig6: RunResult) -> None:
     assert edge.error < grip.error
 
 
-def test_oracle_moment_at_the_left_gripper_is_the_one_for_mirrored_poses(fig6: RunResult) -> None:
+def test_oracle_moment_at_the_left_gripper_is_the_one_for_mirrored_poses(fig6: RunRecord) -> None:
     rows = np.array([100, 200])
     moments = vr.oracle_moments(fig6, "edge", rows)
     # Discretisation-limited: the strips' 0.3 % of the first peak.
@@ -45,14 +45,14 @@ def test_oracle_moment_at_the_left_gripper_is_the_one_for_mirrored_poses(fig6: R
     np.testing.assert_allclose(moments, measured, atol=0.01 * vr.first_peak(fig6))
 
 
-def test_forward_kinematics_confirm_the_solved_angles(short: RunResult) -> None:
+def test_forward_kinematics_confirm_the_solved_angles(short: RunRecord) -> None:
     position, rotation = vr.ik_residuals(short)
     # The solver's tolerance; recomputed from the trace, so rounding only on top.
     assert 0.0 < position < TOLERANCE_M + 1e-12
     assert 0.0 < rotation < TOLERANCE_RAD + 1e-12
 
 
-def test_wrong_joint_angle_would_be_seen(short: RunResult) -> None:
+def test_wrong_joint_angle_would_be_seen(short: RunRecord) -> None:
     setpoint = short.trace["left_setpoint_joint6"]  # a view into the trace
     kept = setpoint[3]
     setpoint[3] += 1e-3
@@ -75,7 +75,7 @@ def test_early_stop_is_an_unexpected_end_and_an_unsolved_run_is_no_pass() -> Non
     assert not rotation.passed
 
 
-def test_one_seed_gives_one_trace_and_another_seed_another_noise(short: RunResult) -> None:
+def test_one_seed_gives_one_trace_and_another_seed_another_noise(short: RunRecord) -> None:
     assert vr.repeat_row(short).passed  # exact: the same numbers, bit for bit
     other = run("exact", *SHORT, seed=7)
     assert vr.differing_values(short, other) > short.trace.rows  # every row has noise
@@ -83,7 +83,7 @@ def test_one_seed_gives_one_trace_and_another_seed_another_noise(short: RunResul
     assert vr.differing_values(short, longer) > 0
 
 
-def test_compliance_halves_the_peaks_of_the_pieces_in_which_it_acts(fig6: RunResult) -> None:
+def test_compliance_halves_the_peaks_of_the_pieces_in_which_it_acts(fig6: RunRecord) -> None:
     fig8 = run("fig8")
     exact = run("exact")
     rows = {row.name: row for row in vr.comparison_rows(_runs(fig6, fig8, exact))}
@@ -94,5 +94,5 @@ def test_compliance_halves_the_peaks_of_the_pieces_in_which_it_acts(fig6: RunRes
     assert not any(row.passed for row in growth)  # fig8 in fig9's place does not oscillate
 
 
-def _runs(fig6: RunResult, fig8: RunResult, exact: RunResult) -> dict[str, RunResult]:
+def _runs(fig6: RunRecord, fig8: RunRecord, exact: RunRecord) -> dict[str, RunRecord]:
     return {"fig6": fig6, "fig8": fig8, "fig9": fig8, "exact": exact}

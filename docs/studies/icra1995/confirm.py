@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
-from dualbend.evaluation.metrics import compute_metrics, peak_by_piece
-from dualbend.run.loop import RunResult
+from dualbend.evaluation.metrics import peak_by_piece
+from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
 from dualbend.task.bending.run import BendingRun
 from icra1995.reading import Reading
@@ -68,13 +68,13 @@ def simulate(reading: Reading) -> Simulated:
     )
 
 
-def oscillates(result: RunResult, peak_nm: float) -> bool:
+def oscillates(result: RunRecord, peak_nm: float) -> bool:
     """Say whether a run's moment oscillates by a part of Fig. 6's peak, or the robot stopped."""
-    found = compute_metrics(result)["oscillation"].value
+    found = result.metrics["oscillation"].value
     stopped = result.outcome != "completed"
     return stopped or (isinstance(found, float) and found > OSCILLATES * peak_nm)
 
 
-def _run(scenario: Scenario) -> RunResult:
+def _run(scenario: Scenario) -> RunRecord:
     quiet = msgspec.structs.replace(scenario, seed=1)
     return BendingRun(quiet).run()

@@ -11,15 +11,10 @@ import msgspec
 from dualbend.check.baseline import CRASHED, REFUSED, EndedAs
 from dualbend.errors import InputError
 from dualbend.evaluation.fingerprint import model_fingerprint
-from dualbend.evaluation.metrics import (
-    WALL_CLOCK,
-    Metric,
-    assembly_metrics,
-    compute_metrics,
-    versions,
-)
+from dualbend.evaluation.metrics import WALL_CLOCK, versions
 from dualbend.evaluation.peaks import Place, last_place, peak_places
 from dualbend.run.make import make_run
+from dualbend.run.record import Metric
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.engine import WorkerDiedError, in_processes
@@ -78,7 +73,7 @@ def _measure_run(scenario: Scenario, measured: Measured) -> Measured:
     result = make_run(scenario).run()
     if result.reason.startswith("interrupted"):
         raise KeyboardInterrupt
-    metrics = assembly_metrics(result) if measured.assembly else compute_metrics(result)
+    metrics = result.metrics
     return msgspec.structs.replace(
         measured,
         outcome=result.outcome,

@@ -13,8 +13,8 @@ import msgspec
 from dualbend.check.baseline import Baseline, Entry, Gate, Value
 from dualbend.check.measure import Measured
 from dualbend.check.tolerances import better_where
-from dualbend.evaluation.metrics import Metric
 from dualbend.evaluation.peaks import Place
+from dualbend.run.record import Metric
 
 _T = TypeVar("_T")
 

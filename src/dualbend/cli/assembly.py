@@ -62,7 +62,7 @@ def robustness(
     with a study that was interrupted.
     """
     from dualbend.errors import InputError
-    from dualbend.run.output import uninterrupted, write_summary
+    from dualbend.run.output import uninterrupted, write_json
     from dualbend.scenario.load import load_scenario
     from dualbend.study.robustness.figure import plot_success
     from dualbend.study.robustness.run import run_study
@@ -98,7 +98,7 @@ def robustness(
     numbers = summarise(loaded, seed, trials, folder)
     with uninterrupted():
         try:
-            write_summary(numbers, folder / "summary.json")
+            write_json(numbers, folder / "summary.json")
         except OSError as error:
             raise InputError(f"--out {folder}: {error.strerror or error}") from error
         plot_success(trials, loaded, folder / "success.png")

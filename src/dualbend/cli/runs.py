@@ -21,7 +21,8 @@ from dualbend.cli.common import (
 
 if TYPE_CHECKING:
     from dualbend.recording.live import LiveRecording
-    from dualbend.run.loop import Run, RunResult
+    from dualbend.run.loop import Run
+    from dualbend.run.record import RunRecord
     from dualbend.scenario.scenario import Scenario
 
 
@@ -162,27 +163,25 @@ def _which_scenario(*, asked: bool) -> None:
 
 
 def _write(
-    result: RunResult, folder: Path, record: bool, picture: LiveRecording | None
+    result: RunRecord, folder: Path, record: bool, picture: LiveRecording | None
 ) -> list[str]:
     """Write everything that a run leaves and print what matters; return what could not be."""
-    from dualbend.evaluation.metrics import summary
     from dualbend.report.results import write_results
 
-    numbers = summary(result)
     notes = None
     if picture is not None:
         from dualbend.recording.prediction import notes_of
 
-        notes = notes_of(result, numbers)
+        notes = notes_of(result)
         picture.end(result, notes)
         if picture.problem is not None:
             click.echo(f"dualbend: --view: the picture ended: {picture.problem}", err=True)
-    failures = write_results(result, folder, record=record, numbers=numbers, notes=notes)
+    failures = write_results(result, folder, record=record, notes=notes)
     ended = f" ({result.reason})" if result.reason else ""
     click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
-    for name, metric in numbers["metrics"].items():
-        click.echo(f"  {name:<26}{shown(metric['value']):>12}  {metric['unit']}")
-    _show_sheet(numbers["sheet"])
+    for name, metric in result.metrics.items():
+        click.echo(f"  {name:<26}{shown(metric.value):>12}  {metric.unit}")
+    _show_sheet(result.summary.sheet)
     if record and result.simulated_s > 0.0 and (folder / "run.rrd").is_file():
         size = (folder / "run.rrd").stat().st_size / 1e6
         per_minute = 60.0 * size / result.simulated_s

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import platform
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -14,16 +13,12 @@ from scipy import signal
 
 from dualbend.arm.joint_limits import arm_room
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.evaluation.assembly import hole_table, middle_spacing, phase_table, pin_table, seated
 from dualbend.evaluation.sheet import sheet_report
-from dualbend.planning.plan import plan_assembly
 from dualbend.run.arms import arm_pair
-from dualbend.run.loop import RunResult
-from dualbend.run.permanent_set import permanent_curvature
+from dualbend.run.record import Metric, RunRecord, Summary, TableRow
 from dualbend.scenario.motion import PHASES
 from dualbend.scenario.path import make_path
-from dualbend.scenario.scenario import Scenario
-from dualbend.types import SIDES, Vector
+from dualbend.types import Vector
 
 OSCILLATION_ABOVE_HZ = 1.0
 """What the moment does faster than this is oscillation: a linear piece of the path lasts longer."""
@@ -34,72 +29,22 @@ _FEWEST_EXTREMES = 3
 _NOTICEABLE = 0.3
 
 
-_SET_UNITS = {
-    "permanent_curvature": "1/m",
-    "permanent_end_slope": "rad",
-    "curvature_before_release": "1/m",
-}
-"""Largest curvature that is kept; slope of the free sheet's ends; the largest it had there."""
-
-
-_OUT_OF_PLANE = {
-    "peak_lateral_force": "true_force_y",
-    "peak_twist_moment": "true_moment_x",
-    "peak_yaw_moment": "true_moment_z",
-}
-
-
-class Metric(msgspec.Struct, frozen=True):
-    """A value, or one a piece, and its unit; null where the run was too short to tell."""
-
-    value: float | list[float | None] | None
-    unit: str
-
-
-def bending_rows(result: RunResult) -> NDArray[np.bool_]:
+def bending_rows(result: RunRecord) -> NDArray[np.bool_]:
     """Return which rows of the trace belong to the bending phase (rows,)."""
     return np.asarray(result.trace["phase"] == PHASES.index("bend"))
 
 
-def sensing_column(result: RunResult, name: str) -> Vector:
+def sensing_column(result: RunRecord, name: str) -> Vector:
     """Return a column of the first sensing arm, e.g. ``true_moment_y`` (rows,)."""
-    return result.trace[f"{first_sensing_side(result)}_{name}"]
+    return result.trace[f"{result.sensing_side}_{name}"]
 
 
-def first_sensing_side(result: RunResult) -> str:
-    """Return the sensing arm that the summary speaks of: the left one where both sense."""
-    return next(side for side in SIDES if side in result.scenario.arms.sensing)
-
-
-def compute_metrics(result: RunResult) -> dict[str, Metric]:
-    """Return the metrics of a run.
-
-    Moments and forces are true ones, of the sheet on the sensing arm about its gripper centre,
-    during bending.
-    """
-    rows = bending_rows(result)
-    moment = sensing_column(result, "true_moment_y")[rows]
-    force = np.hypot(
-        sensing_column(result, "true_force_x")[rows], sensing_column(result, "true_force_z")[rows]
-    )
-    oscillation, frequency, growth = oscillation_of(moment)
+def common_metrics(result: RunRecord) -> dict[str, Metric]:
+    """Return the metrics that a run of any task has."""
     trace, wall = result.trace, result.wall_time_s
-    plastic = permanent_set(result) if result.scenario.sheet.plastic else {}
     return {
-        **plastic,
-        "peak_moment": Metric(_peak(moment), "N m"),
-        "rms_moment": Metric(_finite(np.sqrt(np.mean(moment**2))) if moment.size else None, "N m"),
-        "peak_moment_by_piece": Metric([_finite(p) for p in peak_by_piece(result)], "N m"),
-        "peak_force": Metric(_peak(force), "N"),
-        **_out_of_plane(result),
-        "oscillation": Metric(oscillation, "N m"),
-        "oscillation_frequency": Metric(frequency, "Hz"),
-        "oscillation_growth": Metric(growth, "1/s"),
-        "peak_deviation_x": Metric(_peak(sensing_column(result, "deviation_x")), "m"),
-        "peak_deviation_alpha": Metric(_peak(sensing_column(result, "deviation_alpha")), "rad"),
-        "peak_surface_strain": Metric(_peak(surface_strain(result)), "1"),
-        "ik_residual_max": Metric(_peak(trace["ik_position"]), "m"),
-        "ik_rotation_residual_max": Metric(_peak(trace["ik_rotation"]), "rad"),
+        "ik_residual_max": Metric(peak(trace["ik_position"]), "m"),
+        "ik_rotation_residual_max": Metric(peak(trace["ik_rotation"]), "rad"),
         "saturated_cycles": Metric(float(np.nansum(trace["saturated"])), "1"),
         "simulated_time": Metric(result.simulated_s, "s"),
         "realtime_factor": Metric(result.simulated_s / wall, "1"),
@@ -107,24 +52,7 @@ def compute_metrics(result: RunResult) -> dict[str, Metric]:
     }
 
 
-def out_of_plane_columns(scenario: Scenario) -> dict[str, str]:
-    """Return the columns of the peaks that only misaligned grips have, by metric.
-
-    Components in the sensing arm's bending frame: across the sheet, and about x (inward, twist) and
-    z (up). Without misalignment they are rounding alone, and there are none.
-    """
-    return {} if scenario.misalignment is None else _OUT_OF_PLANE
-
-
-def _out_of_plane(result: RunResult) -> dict[str, Metric]:
-    rows = bending_rows(result)
-    return {
-        name: Metric(_peak(sensing_column(result, column)[rows]), "N" if "force" in name else "N m")
-        for name, column in out_of_plane_columns(result.scenario).items()
-    }
-
-
-def peak_by_piece(result: RunResult) -> list[float]:
+def peak_by_piece(result: RunRecord) -> list[float]:
     """Return the largest |moment| while the nominal angle is in each piece of the path [N m].
 
     The arms lag behind the nominal angle by 2ξ/ω_n, so pieces that last no longer than that hold
@@ -140,28 +68,12 @@ def peak_by_piece(result: RunResult) -> list[float]:
     return [float(part.max()) if part.size else math.nan for part in parts]
 
 
-def surface_strain(result: RunResult) -> Vector:
+def surface_strain(result: RunRecord) -> Vector:
     """Return the largest surface strain of each row, ε = |Δθ| t / (2 h) (rows,)."""
     config, sheet = result.scenario.sheet, result.scenario.sheet.sheet()
     spacing = sheet.length_m / config.sections
     curvature = np.abs(result.trace.bends).max(axis=1, initial=0.0) / spacing
     return np.asarray(curvature * sheet.thickness_m / 2.0)
-
-
-def permanent_set(result: RunResult) -> dict[str, Metric]:
-    """Return what a sheet that yields keeps at the end of the run, were it let go."""
-    kept = permanent_curvature(result)
-    sheet = result.scenario.sheet
-    if not kept.size:
-        return {name: Metric(None, unit) for name, unit in _SET_UNITS.items()}
-    last = np.abs(kept[-1])
-    strained = np.abs(result.trace.bends).max(axis=0) * sheet.strips.hinges / sheet.length_m
-    slope = float(abs(kept[-1].sum())) * sheet.length_m / sheet.strips.hinges / 2.0
-    numbers = (float(last.max()), slope, float(strained[np.argmax(last)]))
-    return {
-        name: Metric(_finite(number), unit)
-        for (name, unit), number in zip(_SET_UNITS.items(), numbers, strict=True)
-    }
 
 
 def oscillation_of(moment: Vector) -> tuple[float | None, float | None, float | None]:
@@ -213,74 +125,36 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **found}
 
 
-def assembly_metrics(result: RunResult) -> dict[str, Metric]:
-    """Return the metrics of an assembly; forces and moments are those of all phases."""
-    phases, holes, pins = phase_table(result), hole_table(result), pin_table(result)
-    config, sheet = result.scenario.assembly, result.scenario.sheet.sheet()
-    assert config is not None
-    spacing = middle_spacing(result)
-    if spacing is not None:
-        plan = plan_assembly(sheet, config.layout.holes, config.layout.pins)
-        spacing -= plan.spacing_m(result.scenario.path.end_rad)
-    trace, wall = result.trace, result.wall_time_s
-    return {
-        "holes_seated": Metric(float(seated(result).sum()), "1"),
-        "worst_hole_offset": Metric(_largest(holes, "offset_m"), "m"),
-        "worst_hole_height": Metric(_largest(holes, "height_m"), "m"),
-        "peak_pin_force": Metric(_largest(pins, "peak_force_n"), "N"),
-        "peak_edge_force": Metric(_largest(pins, "peak_edge_force_n"), "N"),
-        "peak_moment": Metric(_largest(phases, "peak_moment_nm"), "N m"),
-        "peak_force": Metric(_largest(phases, "peak_force_n"), "N"),
-        "peak_surface_strain": Metric(_peak(surface_strain(result)), "1"),
-        "yield_strain": Metric(result.scenario.limit_strain, "1"),
-        "middle_spacing_error": Metric(spacing, "m"),
-        "retries": Metric(
-            float(sum(p["attempt"] > 0 for p in phases if "lower" in p["phase"])), "1"
-        ),
-        "ik_residual_max": Metric(_peak(trace["ik_position"]), "m"),
-        "saturated_cycles": Metric(float(np.nansum(trace["saturated"])), "1"),
-        "simulated_time": Metric(result.simulated_s, "s"),
-        "realtime_factor": Metric(result.simulated_s / wall, "1"),
-        "wall_time": Metric(wall, "s"),
-    }
+def no_tables(_: RunRecord) -> dict[str, list[TableRow]]:
+    """Return the tables beside the metrics of a task that has none."""
+    return {}
 
 
-def _largest(rows: list[dict[str, Any]], key: str) -> float | None:
-    values = [row[key] for row in rows if row[key] is not None]
-    return max(abs(value) for value in values) if values else None
+def summarise(result: RunRecord) -> Summary:
+    """Return the numbers of a run, as ``summary.json`` holds them."""
+    scenario = result.scenario
+    return Summary(
+        scenario=scenario.name,
+        seed=scenario.seed,
+        outcome=result.outcome,
+        reason=result.reason,
+        controller=result.controller,
+        versions=versions(),
+        sheet=msgspec.to_builtins(sheet_report(scenario)),
+        metrics=result.metrics,
+        arms=msgspec.to_builtins(arm_room(arm_pair(scenario), result.trace.setpoints)),
+        tables=result.task.part("tables")(result),
+    )
 
 
-def summary(result: RunResult) -> dict[str, Any]:
-    """Return what ``summary.json`` holds."""
-    if result.scenario.assembly is None:
-        metrics, tables = compute_metrics(result), {}
-    else:
-        metrics = assembly_metrics(result)
-        tables = {
-            "phases": phase_table(result),
-            "holes": hole_table(result),
-            "pins": pin_table(result),
-        }
-    return {
-        "scenario": result.scenario.name,
-        "seed": result.scenario.seed,
-        "outcome": result.outcome,
-        "reason": result.reason,
-        **({"controller": result.controller} if result.controller else {}),
-        "versions": versions(),
-        "sheet": msgspec.to_builtins(sheet_report(result.scenario)),
-        "metrics": {name: msgspec.to_builtins(metric) for name, metric in metrics.items()},
-        "arms": msgspec.to_builtins(arm_room(arm_pair(result.scenario), result.trace.setpoints)),
-        **tables,
-    }
-
-
-def _peak(values: Vector) -> float | None:
+def peak(values: Vector) -> float | None:
+    """Return the largest |value| that is a number; None where there is none."""
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max()) if finite.size else None
 
 
-def _finite(value: float) -> float | None:
+def finite(value: float) -> float | None:
+    """Return the value, None where it is no number."""
     return float(value) if math.isfinite(value) else None
 
 

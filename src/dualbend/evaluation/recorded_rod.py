@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dualbend.beam.rod import planar as rod
 from dualbend.beam.sheet import Sheet
-from dualbend.run.loop import RunResult
+from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
 
 Place = Literal["grip", "edge"]
@@ -49,7 +49,7 @@ def recorded_rods(
     )
 
 
-def oracle_moments(result: RunResult, place: Place, rows: NDArray[np.int_]) -> Vector:
+def oracle_moments(result: RunRecord, place: Place, rows: NDArray[np.int_]) -> Vector:
     """Return the oracle's moment on the left gripper at recorded poses (rows,) [N m]; NaN unsolved.
 
     ``place`` is "grip" (the arms') or "edge" (the sheet's, behind the pads). The rod has the

@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from dualbend.recording.log import TIMELINE, Colour, RecordingLog
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
 
 _BRIGHT: tuple[Colour, Colour] = ([70, 180, 255], [255, 165, 60])
@@ -25,7 +25,7 @@ _TITLES = {
 
 
 def write_compared_recording(
-    runs: tuple[SavedRun, SavedRun], labels: tuple[str, str], text: str, path: Path
+    runs: tuple[RunRecord, RunRecord], labels: tuple[str, str], text: str, path: Path
 ) -> None:
     """Write both runs' moments, forces, deviations, angles and phases to ``path`` (``.rrd``).
 
@@ -57,7 +57,7 @@ def write_compared_recording(
         stream.disconnect()
 
 
-def _log_plots(log: RecordingLog, run: SavedRun, label: str, i: int) -> None:
+def _log_plots(log: RecordingLog, run: RunRecord, label: str, i: int) -> None:
     side, entity = run.sensing_side, "ab"[i]
     for quantity, column, unit in (("moment", "moment_y", "N m"), ("force", "force_x", "N")):
         true, filtered = (run[f"{side}_{kind}_{column}"] for kind in ("true", "filtered"))
@@ -79,7 +79,7 @@ def _log_plots(log: RecordingLog, run: SavedRun, label: str, i: int) -> None:
     )
 
 
-def _log_grips(log: RecordingLog, run: SavedRun, label: str, i: int) -> None:
+def _log_grips(log: RecordingLog, run: RunRecord, label: str, i: int) -> None:
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         place: Vector = np.stack([run[f"{side}_grip_{axis}"] for axis in "xyz"], axis=1)
         place = (place * [sign, sign, 1.0]).round(6)
@@ -92,7 +92,7 @@ def _log_grips(log: RecordingLog, run: SavedRun, label: str, i: int) -> None:
         log.once(f"{entity}/way", way)
 
 
-def _log_phases(log: RecordingLog, run: SavedRun, i: int) -> None:
+def _log_phases(log: RecordingLog, run: RunRecord, i: int) -> None:
     phase = run["phase"].astype(int)
     starts = np.flatnonzero(np.diff(phase, prepend=-1))
     names = list(run.phases)
@@ -103,7 +103,7 @@ def _log_phases(log: RecordingLog, run: SavedRun, i: int) -> None:
     log.send(entity, log.times[starts], rr.StateChange.columns(state=states))
 
 
-def _layout(runs: tuple[SavedRun, SavedRun], labels: tuple[str, str]) -> rrb.Blueprint:
+def _layout(runs: tuple[RunRecord, RunRecord], labels: tuple[str, str]) -> rrb.Blueprint:
     """Return the viewer's layout: the grips and the comparison beside four plots."""
     plots = [rrb.TimeSeriesView(origin=origin, name=title) for origin, title in _TITLES.items()]
     height, length = (

@@ -19,6 +19,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
+import numpy as np
 import rerun as rr
 
 from dualbend.control.clock import COMMAND_PERIOD_S
@@ -36,7 +37,8 @@ from dualbend.recording.write import (
     open_stream,
     row_times,
 )
-from dualbend.run.loop import Run, RunResult
+from dualbend.run.loop import Run
+from dualbend.run.record import RunRecord, Scene
 from dualbend.run.trace import Trace
 
 SPAWN = "spawn"
@@ -121,7 +123,7 @@ class LiveRecording:
         if path is not None:
             path.write_bytes(b"")  # refuses a bad path; rerun itself would only warn
             sinks.append(rr.FileSink(path))
-        empty = _so_far(run, Trace(0, (), 0, 0, run.cell.simulation.joints))
+        empty = _so_far(run, Trace([], np.empty((0, 0))))
         self._stream = open_stream(empty, ", live")
         self._stream.set_sinks(*sinks, default_blueprint=layout(empty))
         self._thread = threading.Thread(target=self._follow, name="live recording", daemon=True)
@@ -139,7 +141,7 @@ class LiveRecording:
         """Take note that so many cycles are complete."""
         self._complete = cycles
 
-    def end(self, result: RunResult, notes: Notes | None) -> None:
+    def end(self, result: RunRecord, notes: Notes | None) -> None:
         """Stream what is left, the texts and the lanes' ends; give a dead viewer up."""
         self.close()
         if self.problem is None:
@@ -183,14 +185,14 @@ class LiveRecording:
         if rows > self._streamed:
             self._log(_so_far(self._run, self._run.trace.window(0, rows)), ended=False)
 
-    def _finish(self, result: RunResult, notes: Notes | None) -> None:
+    def _finish(self, result: RunRecord, notes: Notes | None) -> None:
         self._log(result, ended=True)
         log = RecordingLog(self._stream, row_times(result.trace))
         log_texts(log, result, self._scales, notes)
         if notes is not None:
             log_predicted(log, notes)
 
-    def _log(self, result: RunResult, *, ended: bool) -> None:
+    def _log(self, result: RunRecord, *, ended: bool) -> None:
         """Log the rows that are new; the scene is computed for them and a few before."""
         rows, done = result.trace.rows, self._streamed
         begin = max(done - FRAME_CYCLES - result.scenario.alter.delay_cycles - 1, 0)
@@ -208,16 +210,13 @@ class LiveRecording:
         self._streamed = rows
 
 
-def _so_far(run: Run, trace: Trace) -> RunResult:
+def _so_far(run: Run, trace: Trace) -> RunRecord:
     """Return a run that goes on; it is called completed, which it may never be."""
-    return RunResult(
+    return RunRecord(
         scenario=run.scenario,
         outcome="completed",
-        reason="",
-        phases=run.phases,
         trace=trace,
-        model=run.cell.model,
-        bend_stiffness=run.cell.simulation.bend_stiffness,
+        scene=Scene(model=run.cell.model, bend_stiffness=run.cell.simulation.bend_stiffness),
         simulated_s=trace.rows * COMMAND_PERIOD_S,
         wall_time_s=0.0,
     )

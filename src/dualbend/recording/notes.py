@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.recording.layers import layers_of
 from dualbend.recording.log import FRAME_CYCLES
 from dualbend.recording.scales import Scales
-from dualbend.run.loop import RunResult
+from dualbend.run.record import RunRecord
 from dualbend.types import Vector
 
 _PERIOD_MS = round(1e3 * COMMAND_PERIOD_S)
@@ -33,46 +34,19 @@ class Notes:
     predicted_moment: Vector
 
 
-_GUIDE = (
-    "Drag the white line in a plot or press play: every panel shows the same moment of the run. "
-    "Left: the cell, one gripper close up, the sheet; below them, what the robots were doing. "
-    "Right: what the sheet does to the grippers. **measured** is the wrist sensor, noise and all, "
-    "**filtered** what the compliance acts on, **true** what really acts there."
-)
-_PREDICTED = (
-    " **predicted** is what beam theory says for these poses: where true leaves it, the sheet "
-    "swings."
-)
 _NOT_PREDICTED = (
     " No moment is predicted: the sheet may yield (sheet.plastic), which the elastic theory does "
     "not know."
 )
-_ASSEMBLY_GUIDE = (
-    "Drag the white line in a plot or press play: every panel shows the same moment of the run. "
-    "Left: the cell, the bed with its four pins, each pin and one gripper close up (tabs); below "
-    "them, what the robots were doing. Right: how far each hole is from its pin, what the pins and "
-    "the bending do. A sheet is laid when all four holes are within half their clearance and down "
-    "on the bed."
-)
-_ASSEMBLY_PREDICTED = (
-    " **predicted** is beam theory for these poses, without pins, while the sheet hangs bent: "
-    "where true leaves it, the sheet swings or touches something."
-)
-_ASSEMBLY_LEGEND = (
-    '* phases: "lower 2" is the second attempt to lower',
-    "* brass: the pins; dark discs with a white rim: the sheet's holes; pale: sheets laid before",
-)
 
 
-def guide(result: RunResult, scales: Scales) -> str:
+def guide(result: RunRecord, scales: Scales) -> str:
     """Return how to read the recording, in Markdown."""
-    limit, assembly = f"{scales.moment_range_n_m:g}", result.scenario.assembly is not None
-    predicted = _ASSEMBLY_PREDICTED if assembly else _PREDICTED
-    if result.scenario.sheet.plastic:
-        predicted = _NOT_PREDICTED
+    limit, layers = f"{scales.moment_range_n_m:g}", layers_of(result)
+    predicted = _NOT_PREDICTED if result.scenario.sheet.plastic else layers.predicted
     return "\n".join(
         (
-            (_ASSEMBLY_GUIDE if assembly else _GUIDE) + predicted,
+            layers.guide + predicted,
             "",
             f"* sheet: bending moment, −{limit} N m blue, 0 grey, +{limit} N m red",
             f"* yellow arrow: force of the sheet on the grip, {1e3 * scales.force_m_per_n:g} mm/N;"
@@ -80,14 +54,14 @@ def guide(result: RunResult, scales: Scales) -> str:
             f"* violet arrow: its moment about the grip, {scales.torque_m_per_n_m:g} mm/(N mm)",
             "* axes at the grip: short as it is, long as commanded",
             "* path of the grip: grey nominal, green commanded with compliance",
-            *(_ASSEMBLY_LEGEND if assembly else ()),
+            *layers.legend,
             f"* moments, forces, angles, deviations: every {_PERIOD_MS} ms; scene, path, torques: "
             f"every {FRAME_CYCLES * _PERIOD_MS} ms; everything: trace.parquet",
         )
     )
 
 
-def story(result: RunResult, notes: Notes | None, *, ended: bool = True) -> str:
+def story(result: RunRecord, notes: Notes | None, *, ended: bool = True) -> str:
     """Return how the run ended and its metrics, in Markdown."""
     scenario = result.scenario
     reason = [f"**{result.reason}**\n"] if result.reason else []

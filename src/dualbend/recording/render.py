@@ -19,11 +19,10 @@ from PIL import Image, ImageDraw, ImageFont
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError
+from dualbend.recording.layers import layers_of
 from dualbend.recording.offscreen import no_opengl
-from dualbend.run.loop import Run, RunResult
-from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
-from dualbend.task.assembly.laid_sheets import show_laid
-from dualbend.task.assembly.motions import PHASES
+from dualbend.run.loop import Run
+from dualbend.run.record import RunRecord
 
 SUFFIXES = (".gif", ".png")
 
@@ -34,7 +33,6 @@ _LAST_FRAME_S = 1.5
 """How long a video stands still on its last frame before it begins anew."""
 
 _COLOURS, _PALETTE_FRAMES = 255, 12
-_MIDDLE, _OUTER = HOLES.index("middle_left"), HOLES.index("outer_left")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +104,7 @@ def frame_times_ms(count: int, fps: float) -> list[int]:
     return [*times[:-1], times[-1] + round(1e3 * _LAST_FRAME_S)]
 
 
-def write_video(result: RunResult, path: Path, look: Look) -> int:
+def write_video(result: RunRecord, path: Path, look: Look) -> int:
     """Draw the run into ``path`` (.gif, .png) and return the number of frames.
 
     Raises
@@ -143,17 +141,16 @@ def _row_at(rows: int, at_s: float | None) -> int:
 class Stage:
     """The model with its looks, the state of one row, and what draws them."""
 
-    def __init__(self, result: RunResult, look: Look) -> None:
+    def __init__(self, result: RunRecord, look: Look) -> None:
         self._result, self._look = result, look
         self._data = mujoco.MjData(result.model)
         self._option = mujoco.MjvOption()
         # Neither what only touches nor sites are looked at.
         self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)
         self._option.sitegroup[:] = 0
-        assembly = result.scenario.assembly
-        self._workplace = None if assembly is None or not look.inset else assembly.layout
-        default = "front" if assembly is None else "bed"
-        self._camera = default if look.camera is None else look.camera
+        self._layers = layers_of(result)
+        self._inset = look.inset and self._layers.close_up(result, 0) is not None
+        self._camera = self._layers.camera if look.camera is None else look.camera
         self._open = ExitStack()
 
     def __enter__(self) -> Stage:
@@ -165,7 +162,7 @@ class Stage:
         self._inset_px = (inset, round(_INSET_ASPECT * inset))
         try:
             self._main = self._renderer(fine * width, fine * height)
-            if self._workplace is not None:
+            if self._inset:
                 self._close = self._renderer(*(fine * n for n in self._inset_px))
         except BaseException:
             self._open.close()
@@ -182,12 +179,13 @@ class Stage:
     def picture(self, row: int) -> Image.Image:
         """Return the picture of one row, with its inset and what is happening."""
         model, data, result = self._result.model, self._data, self._result
-        show_laid(model, data, result, row)
+        self._layers.pose_others(model, data, result, row)
         data.qpos[:] = result.trace.qpos[row]
         mujoco.mj_forward(model, data)
         picture = self._draw(self._main, self._camera, self._look.size_px)
-        if self._workplace is not None:
-            self._add_inset(picture, row, self._workplace)
+        close_up = self._layers.close_up(result, row) if self._inset else None
+        if close_up is not None:
+            self._add_inset(picture, *close_up)
         self._caption(picture, row)
         return picture
 
@@ -197,19 +195,16 @@ class Stage:
         renderer.update_scene(self._data, camera=camera, scene_option=self._option)
         return Image.fromarray(renderer.render()).resize(size, Image.Resampling.BOX)
 
-    def _add_inset(self, picture: Image.Image, row: int, workplace: LayoutConfig) -> None:
-        """Paste the close-up of the pin that a hole is just going over."""
-        phase = int(self._result.trace["phase"][row])
-        pin = _MIDDLE if phase <= PHASES.index("unfold") else _OUTER
-        close = self._draw(self._close, _pin_camera(workplace, pin), self._inset_px)
+    def _add_inset(self, picture: Image.Image, camera: mujoco.MjvCamera, caption: str) -> None:
+        """Paste the close-up of what just happens, with its caption."""
+        close = self._draw(self._close, camera, self._inset_px)
         width, height = self._inset_px
         margin, border = picture.width // 60, max(1, picture.width // 320)
         left, top = picture.width - width - margin, picture.height - height - margin
         frame = (left - border, top - border, left + width + border - 1, top + height + border - 1)
         ImageDraw.Draw(picture).rectangle(frame, fill="white")
         picture.paste(close, (left, top))
-        words = f"{HOLES[pin].replace('_', ' ')} pin"
-        _write(picture, (left + margin // 2, top + height - margin // 2), words, 0.022)
+        _write(picture, (left + margin // 2, top + height - margin // 2), caption, 0.022)
 
     def _caption(self, picture: Image.Image, row: int) -> None:
         result, margin = self._result, picture.width // 60
@@ -233,15 +228,6 @@ def _open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Ren
 
 def _cameras(model: mujoco.MjModel) -> list[str]:
     return [model.camera(i).name for i in range(model.ncam)]
-
-
-def _pin_camera(workplace: LayoutConfig, pin: int) -> mujoco.MjvCamera:
-    """Return the view of a pin's tip from the front and above, a few heights away."""
-    camera = mujoco.MjvCamera()
-    height = workplace.pins.height_m
-    camera.lookat[:] = [*hole_places(workplace.holes)[pin], workplace.bed.top_m + 0.5 * height]
-    camera.distance, camera.azimuth, camera.elevation = 7.0 * height, 75.0, -38.0
-    return camera
 
 
 def _write(picture: Image.Image, corner: tuple[int, int], text: str, share: float) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.beam import elastica
-from dualbend.run.loop import RunResult
 from dualbend.run.permanent_set import hinge_moments
+from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
 from dualbend.types import SIDES, Vector
 
@@ -32,7 +32,7 @@ class Scales:
     torque_m_per_n_m: float
 
     @classmethod
-    def of(cls, result: RunResult) -> Scales:
+    def of(cls, result: RunRecord) -> Scales:
         """Return round scales that hold the run's largest values."""
         trace = result.trace
         force, torque = (

@@ -8,12 +8,13 @@ import mujoco
 import mujoco.viewer
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.run.loop import Run, RunResult
+from dualbend.run.loop import Run
+from dualbend.run.record import RunRecord
 
 _CLOSING_S = 1.0
 
 
-def run_in_viewer(run: Run) -> RunResult:
+def run_in_viewer(run: Run) -> RunRecord:
     """Run with a window open; closing the window does not end the run, only its picture."""
     shown = mujoco.MjData(run.cell.model)
     with mujoco.viewer.launch_passive(run.cell.model, shown) as window:

@@ -21,7 +21,7 @@ from dualbend.report.plots import (
     every_second,
 )
 from dualbend.report.time import TIME
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.scene.bed.config import HOLES
 
 _TURN = np.linspace(0.0, 2.0 * np.pi, 73)
@@ -30,7 +30,7 @@ _LEAST_MM = 1e-4
 """Below this a distance is drawn as this: a logarithm has no zero."""
 
 
-def holes_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
+def holes_section(run: RunRecord, pictures: Pictures, shared: Range) -> Section:
     """Return how the holes came over their pins, and where they lie."""
     time, bands = run["time"], phases(run)
     allowed = 0.5e3 * _clearance_m(run)
@@ -75,19 +75,19 @@ def holes_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
     return Section(title="Holes over pins", body=join([figures, _final(run, pictures, allowed)]))
 
 
-def _clearance_m(run: SavedRun) -> float:
+def _clearance_m(run: RunRecord) -> float:
     assert run.scenario.assembly is not None
     return run.scenario.assembly.layout.holes.clearance_m
 
 
-def _pin_height_mm(run: SavedRun) -> float:
+def _pin_height_mm(run: RunRecord) -> float:
     assert run.scenario.assembly is not None
     return 1e3 * run.scenario.assembly.layout.pins.height_m
 
 
-def _final(run: SavedRun, pictures: Pictures, allowed_mm: float) -> Html:
+def _final(run: RunRecord, pictures: Pictures, allowed_mm: float) -> Html:
     """Return where the holes lie at the end, as a picture and as a table."""
-    holes = run.summary.holes
+    holes = run.summary.tables.get("holes", [])
     if not holes:
         return note("The run left no final places of its holes.")
     circle = Curve(
@@ -130,7 +130,7 @@ def _final(run: SavedRun, pictures: Pictures, allowed_mm: float) -> Html:
     return join([picture, table("Holes at the end of the run", head, rows, numeric=(1, 2))])
 
 
-def pins_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
+def pins_section(run: RunRecord, pictures: Pictures, shared: Range) -> Section:
     """Return the forces on pins and hole edges over time and their peaks."""
     time, bands, ranges = run["time"], phases(run), Ranges(x=shared)
     figures = []
@@ -151,14 +151,14 @@ def pins_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
             number(row.get("peak_force_n")),
             number(row.get("peak_edge_force_n")),
         )
-        for row in run.summary.pins
+        for row in run.summary.tables.get("pins", [])
     ]
     head = ("pin", "peak force [N]", "peak force of one contact [N]")
     peaks = table("Peak forces on the pins", head, rows, (1, 2)) if rows else Html("")
     return Section(title="Forces on the pins", body=join([side_by_side(*figures), peaks]))
 
 
-def object_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section | None:
+def object_section(run: RunRecord, pictures: Pictures, shared: Range) -> Section | None:
     """Return what the held sheet's compliance gave; None where there is none."""
     assembly = run.scenario.assembly
     if assembly is None or assembly.compliance is None:

@@ -32,7 +32,7 @@ from dualbend.report.plots import (
     Plot,
     Ranges,
 )
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.scenario.path import make_path
 
 ANGLE = Axis(label="bending angle α", unit="rad")
@@ -57,14 +57,14 @@ _SIMULATED = {
 _NOT_BENT = "The run ended before it bent the sheet."
 
 
-def knots_of(run: SavedRun) -> list[float]:
+def knots_of(run: RunRecord) -> list[float]:
     """Return the end slopes where the pieces of the run's path meet [rad]."""
     knots: list[float] = make_path(run.scenario.path, run.scenario.sheet.length_m).knots.tolist()
     return knots
 
 
 def moment_plot(
-    lines: Sequence[Line], run: SavedRun, ranges: Ranges | None = None, title: str = ""
+    lines: Sequence[Line], run: RunRecord, ranges: Ranges | None = None, title: str = ""
 ) -> Plot:
     """Return the paper's figure: moment over bending angle, with the path's knots."""
     curves = [
@@ -91,7 +91,7 @@ def describe_peak(line: Line) -> str:
     return f"{line.name}: at most {abs(line.y[at]):.1f} mN m, at {line.x[at]:.2f} rad"
 
 
-def moment_section(run: SavedRun, pictures: Pictures) -> Section:
+def moment_section(run: RunRecord, pictures: Pictures) -> Section:
     """Return the paper's figure of the run with the oracle's prediction."""
     title = "Moment over bending angle"
     if not bending_rows(run).size:
@@ -107,7 +107,7 @@ def moment_section(run: SavedRun, pictures: Pictures) -> Section:
     return Section(title=title, body=pictures.add(moment_plot(lines, run), caption, alt))
 
 
-def path_section(run: SavedRun, pictures: Pictures) -> Section:
+def path_section(run: RunRecord, pictures: Pictures) -> Section:
     """Return half distance and height over the angle: exact, nominal with knots, recorded."""
     title, rows = "Path", bending_rows(run)
     if not rows.size:
@@ -161,7 +161,7 @@ def path_section(run: SavedRun, pictures: Pictures) -> Section:
     )
 
 
-def shape_section(run: SavedRun, pictures: Pictures) -> Section:
+def shape_section(run: RunRecord, pictures: Pictures) -> Section:
     """Return the sheet at several angles against the elastica, and the distances as a table."""
     title = "Shape of the sheet"
     if not has_shape(run):

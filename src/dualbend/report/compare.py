@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from dualbend.errors import InputError
-from dualbend.run.saved import SavedMetric, SavedRun
+from dualbend.run.record import Metric, RunRecord
 
 _NONE = "-"
 _OWN_CONTROLLER = "the scenario's own"
@@ -49,7 +49,7 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     versions: list[Differing]
 
 
-def compare_runs(a: SavedRun, b: SavedRun) -> Comparison:
+def compare_runs(a: RunRecord, b: RunRecord) -> Comparison:
     """Return the metrics of two runs, a row a value, and the settings and versions that differ.
 
     A compliance brought along from Python is among the settings, as ``controller``.
@@ -66,9 +66,13 @@ def compare_runs(a: SavedRun, b: SavedRun) -> Comparison:
     )
 
 
-def labels(a: SavedRun, b: SavedRun) -> tuple[str, str]:
+def _place(run: RunRecord) -> Path:
+    return run.folder or Path(run.scenario.name)
+
+
+def labels(a: RunRecord, b: RunRecord) -> tuple[str, str]:
     """Return the shortest ends of the runs' folders that tell them apart."""
-    first, second = (run.folder.resolve().parts for run in (a, b))
+    first, second = (_place(run).resolve().parts for run in (a, b))
     if first == second:
         return f"{first[-1]} (a)", f"{second[-1]} (b)"
     for n in range(1, max(len(first), len(second)) + 1):
@@ -98,7 +102,7 @@ def report_text(found: Comparison) -> str:
 
 
 def write_comparison(
-    a: SavedRun, b: SavedRun, found: Comparison, folder: Path, *, record: bool = True
+    a: RunRecord, b: RunRecord, found: Comparison, folder: Path, *, record: bool = True
 ) -> None:
     """Write ``compare.txt``, ``compare.png`` and, with ``record``, ``compare.rrd``.
 
@@ -122,16 +126,16 @@ def write_comparison(
         raise InputError(f"--out {folder}: cannot be written: {error.strerror or error}") from error
 
 
-def _controllers(a: SavedRun, b: SavedRun) -> list[dict[str, str]]:
+def _controllers(a: RunRecord, b: RunRecord) -> list[dict[str, str]]:
     """Return whose compliance each run had, which no scenario says."""
-    return [{"controller": run.summary.controller or _OWN_CONTROLLER} for run in (a, b)]
+    return [{"controller": run.controller or _OWN_CONTROLLER} for run in (a, b)]
 
 
-def _ended(run: SavedRun) -> str:
-    return run.summary.outcome.replace("_", " ")
+def _ended(run: RunRecord) -> str:
+    return run.outcome.replace("_", " ")
 
 
-def _metrics(a: dict[str, SavedMetric], b: dict[str, SavedMetric]) -> Iterator[Compared]:
+def _metrics(a: dict[str, Metric], b: dict[str, Metric]) -> Iterator[Compared]:
     for name in [*a, *(name for name in b if name not in a)]:
         first, second = a.get(name), b.get(name)
         known = first or second
@@ -154,7 +158,7 @@ def _row(
     return Compared(name=name, unit=unit, a=first, b=second)
 
 
-def _values(metric: SavedMetric | None) -> Sequence[float | None]:
+def _values(metric: Metric | None) -> Sequence[float | None]:
     if metric is None:
         return ()
     return metric.value if isinstance(metric.value, list) else (metric.value,)

@@ -13,7 +13,7 @@ from dualbend.beam.rod import planar as rod
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.recorded_rod import recorded_rods
 from dualbend.evaluation.sheet import no_oracle
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.scenario.path import make_path
 from dualbend.types import SIDES, Vector
 
@@ -68,7 +68,7 @@ class Phase:
     end_s: float
 
 
-def bending_rows(run: SavedRun) -> Rows:
+def bending_rows(run: RunRecord) -> Rows:
     """Return the rows of the phase ``bend``, of the first sheet in an assembly (rows,)."""
     rows = run["phase"] == run.phases.index("bend")
     if run.scenario.assembly is not None:
@@ -76,7 +76,7 @@ def bending_rows(run: SavedRun) -> Rows:
     return np.flatnonzero(rows)
 
 
-def moment_lines(run: SavedRun) -> list[Line]:
+def moment_lines(run: RunRecord) -> list[Line]:
     """Return raw, filtered and true moment at the sensing gripper [mN m] over the angle [rad]."""
     rows, side = bending_rows(run), run.sensing_side
     alpha = run["nominal_alpha"][rows]
@@ -87,13 +87,13 @@ def moment_lines(run: SavedRun) -> list[Line]:
     ]
 
 
-def nominal_lines(run: SavedRun) -> list[Line]:
+def nominal_lines(run: RunRecord) -> list[Line]:
     """Return the moments of :func:`moment_lines` and, unless the sheet may yield, the oracle's."""
     predicted = [] if no_oracle(run.scenario) else [oracle_on_path(run)]
     return [*moment_lines(run), *predicted]
 
 
-def oracle_on_path(run: SavedRun) -> Line:
+def oracle_on_path(run: RunRecord) -> Line:
     """Return the oracle's moment [mN m] on grippers that follow the nominal path exactly."""
     scenario = run.scenario
     sheet, path = scenario.sheet.sheet(), make_path(scenario.path, scenario.sheet.length_m)
@@ -111,7 +111,7 @@ def oracle_on_path(run: SavedRun) -> Line:
     return Line(name="oracle, nominal", x=alphas, y=1e3 * np.array(moment))
 
 
-def oracle_at_edges(run: SavedRun) -> Line:
+def oracle_at_edges(run: RunRecord) -> Line:
     """Return the oracle's moment [mN m] at the poses that the sheet's ends really had."""
     rows = bending_rows(run)
     chosen = rows[:: max(1, len(rows) // _ORACLE_POINTS)]
@@ -126,16 +126,16 @@ def oracle_at_edges(run: SavedRun) -> Line:
     )
 
 
-def _rods(run: SavedRun, rows: Rows) -> tuple[rod.RodState, ...]:
+def _rods(run: RunRecord, rows: Rows) -> tuple[rod.RodState, ...]:
     return recorded_rods(run, run.scenario.sheet.sheet(), "edge", rows)
 
 
-def has_shape(run: SavedRun) -> bool:
+def has_shape(run: RunRecord) -> bool:
     """Tell whether the trace holds the bending angles; that of an early version does not."""
-    return "bend_000" in run.table.column_names
+    return "bend_000" in run.trace
 
 
-def sheet_points(run: SavedRun, row: int) -> tuple[Vector, Vector, Vector]:
+def sheet_points(run: RunRecord, row: int) -> tuple[Vector, Vector, Vector]:
     """Return arc lengths, x and z [m] of the flat pieces' ends (n + 2,), from the left edge on.
 
     Strips and plate alike bend at n places, (i + 1/2) L/n. θ grows by each one's angle;
@@ -154,7 +154,7 @@ def sheet_points(run: SavedRun, row: int) -> tuple[Vector, Vector, Vector]:
     return s, x, z
 
 
-def shapes(run: SavedRun) -> list[Shape]:
+def shapes(run: RunRecord) -> list[Shape]:
     """Return the sheet at angles evenly spaced up to the largest one that it was bent to."""
     rows = bending_rows(run)
     if not rows.size or not has_shape(run):
@@ -171,7 +171,7 @@ def shapes(run: SavedRun) -> list[Shape]:
     ]
 
 
-def _shape(run: SavedRun, row: int, state: rod.RodState | None) -> Shape:
+def _shape(run: RunRecord, row: int, state: rod.RodState | None) -> Shape:
     slope = 0.5 * sum(float(run[f"{side}_edge_alpha"][row]) for side in SIDES)
     allowed = min(max(slope, 0.0), elastica.END_SLOPE_GRIPPERS_MEET)
     s, x, z = sheet_points(run, row)
@@ -194,7 +194,7 @@ def _shape(run: SavedRun, row: int, state: rod.RodState | None) -> Shape:
     )
 
 
-def phases(run: SavedRun) -> list[Phase]:
+def phases(run: RunRecord) -> list[Phase]:
     """Return the phases in the order in which they were run."""
     keys = [run["phase"]]
     if run.scenario.assembly is not None:
@@ -205,7 +205,7 @@ def phases(run: SavedRun) -> list[Phase]:
     return list(_phases(run, table, starts))
 
 
-def _phases(run: SavedRun, table: Vector, starts: Rows) -> Iterator[Phase]:
+def _phases(run: RunRecord, table: Vector, starts: Rows) -> Iterator[Phase]:
     time = run["time"]
     for first, end in zip(starts, [*starts[1:], len(time)], strict=True):
         phase, attempt, sheet = (*table[:, first].astype(int).tolist(), 0, 0)[:3]

@@ -13,16 +13,16 @@ mpl.use("Agg")
 from matplotlib.figure import Figure
 
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import bending_rows, first_sensing_side
-from dualbend.run.loop import RunResult
+from dualbend.evaluation.metrics import bending_rows
+from dualbend.run.record import RunRecord
 from dualbend.scenario.path import make_path
 from dualbend.stability.map import Panel
 
 
-def plot_moment(result: RunResult, path: Path) -> None:
+def plot_moment(result: RunRecord, path: Path) -> None:
     """Write the moment at the sensing gripper, true, measured and filtered, as PNG."""
     rows = bending_rows(result)
-    trace, side = result.trace, first_sensing_side(result)
+    trace, side = result.trace, result.sensing_side
     alpha = trace["nominal_alpha"][rows]
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     axes = figure.add_subplot()

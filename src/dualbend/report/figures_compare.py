@@ -12,7 +12,7 @@ mpl.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.scenario.path import make_path
 
 _LOOKS = (("tab:blue", 2.8), ("tab:orange", 1.4))
@@ -20,7 +20,7 @@ _LOOKS = (("tab:blue", 2.8), ("tab:orange", 1.4))
 
 
 def plot_compared_moments(
-    runs: tuple[SavedRun, SavedRun], labels: tuple[str, str], path: Path
+    runs: tuple[RunRecord, RunRecord], labels: tuple[str, str], path: Path
 ) -> None:
     """Write the moments at the sensing grippers during bending as PNG: true, and thin, filtered.
 
@@ -44,7 +44,7 @@ def plot_compared_moments(
     figure.savefig(path, dpi=120)
 
 
-def _plot_one(axes: Axes, run: SavedRun, label: str, colour: str, width: float) -> None:
+def _plot_one(axes: Axes, run: RunRecord, label: str, colour: str, width: float) -> None:
     rows, side = run["phase"] == run.phases.index("bend"), run.sensing_side
     alpha = run["nominal_alpha"][rows]
     true, filtered = (1e3 * run[f"{side}_{kind}_moment_y"][rows] for kind in ("true", "filtered"))
@@ -54,6 +54,6 @@ def _plot_one(axes: Axes, run: SavedRun, label: str, colour: str, width: float) 
     axes.plot(alpha, true, color=colour, linewidth=width, label=name)
 
 
-def _knots(run: SavedRun) -> list[float]:
+def _knots(run: RunRecord) -> list[float]:
     knots: list[float] = make_path(run.scenario.path, run.scenario.sheet.length_m).knots.tolist()
     return knots

@@ -32,7 +32,8 @@ from dualbend.report.time import (
     wrench_section,
 )
 from dualbend.resources import limitations_file
-from dualbend.run.saved import SavedRun, load_run
+from dualbend.run.record import RunRecord
+from dualbend.run.saved import load_run
 
 PAPER_FIGURES = {"fig6": "Fig. 6", "fig8": "Fig. 8", "fig9": "Fig. 9"}
 """Shipped scenarios that are a figure of the paper."""
@@ -61,7 +62,7 @@ def write_report(folders: Sequence[Path], out: Path) -> None:
         raise InputError(f"--out {out}: cannot be written: {error.strerror or error}") from error
 
 
-def report(runs: Sequence[SavedRun]) -> str:
+def report(runs: Sequence[RunRecord]) -> str:
     """Return the page."""
     pictures, names = Pictures(), run_names(runs)
     chapters = [(name, _chapter(run, pictures)) for name, run in zip(names, runs, strict=True)]
@@ -71,7 +72,7 @@ def report(runs: Sequence[SavedRun]) -> str:
     return _document(", ".join(names), _body(chapters), pictures.plots)
 
 
-def run_names(runs: Sequence[SavedRun]) -> list[str]:
+def run_names(runs: Sequence[RunRecord]) -> list[str]:
     """Return the scenarios' names, with the folder where two runs have one name."""
     names = [run.scenario.name for run in runs]
     return [
@@ -80,7 +81,7 @@ def run_names(runs: Sequence[SavedRun]) -> list[str]:
     ]
 
 
-def _chapter(run: SavedRun, pictures: Pictures) -> list[Section]:
+def _chapter(run: RunRecord, pictures: Pictures) -> list[Section]:
     shared = time_range(run)
     lead = Section(title="", body=join([note(run.scenario.description), _verdict(run)]))
     metrics = Section(title="Metrics", body=metrics_table([run], ["value"]))
@@ -95,8 +96,8 @@ def _chapter(run: SavedRun, pictures: Pictures) -> list[Section]:
             misalignment_section(run, pictures, shared),
             deviation_section(run, pictures, shared),
             phase_section(run, pictures, shared),
-            own_compliance_section(run.summary.controller)
-            if run.summary.controller
+            own_compliance_section(run.controller)
+            if run.controller
             else stability_section(run.scenario, pictures),
         ]
     else:
@@ -115,15 +116,15 @@ def _chapter(run: SavedRun, pictures: Pictures) -> list[Section]:
     return [section for section in found if section is not None]
 
 
-def _verdict(run: SavedRun) -> Html:
-    expected = run.summary.outcome in run.scenario.expect.outcome
+def _verdict(run: RunRecord) -> Html:
+    expected = run.outcome in run.scenario.expect.outcome
     mark = "expected" if expected else "unexpected"
     text = join([element("strong", ended(run)), f" ({mark}), seed {run.summary.seed}"])
     return element("p", text, class_=f"verdict {mark}")
 
 
 def _side_by_side(
-    runs: Sequence[SavedRun], names: Sequence[str], pictures: Pictures
+    runs: Sequence[RunRecord], names: Sequence[str], pictures: Pictures
 ) -> list[Section]:
     """Return the paper's figures on one scale and the metrics of all runs."""
     bent = [(run, name) for run, name in zip(runs, names, strict=True) if bending_rows(run).size]
@@ -157,7 +158,7 @@ def _side_by_side(
     return sections
 
 
-def _by_piece(run: SavedRun) -> str:
+def _by_piece(run: RunRecord) -> str:
     metric = run.summary.metrics.get("peak_moment_by_piece")
     if metric is None or not isinstance(metric.value, list):
         return ""
@@ -165,7 +166,7 @@ def _by_piece(run: SavedRun) -> str:
     return f"; by piece of the path {', '.join(peaks)} mN m"
 
 
-def _panel_title(run: SavedRun, name: str) -> str:
+def _panel_title(run: RunRecord, name: str) -> str:
     paper = PAPER_FIGURES.get(run.scenario.name)
     return f"{name}, the paper's {paper}" if paper else name
 

@@ -5,23 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from dualbend.evaluation.metrics import summary
 from dualbend.report.figures import plot_moment
 from dualbend.run import output
-from dualbend.run.loop import RunResult
+from dualbend.run.record import RunRecord
 
 if TYPE_CHECKING:
     from dualbend.recording.notes import Notes
 
 
 def write_results(
-    result: RunResult,
+    result: RunRecord,
     folder: Path | str,
     *,
     record: bool = True,
-    numbers: dict[str, Any] | None = None,
     notes: Notes | None = None,
 ) -> list[str]:
     """Write scenario, trace, summary, picture and recording; return what could not be.
@@ -34,9 +32,8 @@ def write_results(
         Made where it is not there.
     record
         Write ``run.rrd``.
-    numbers, notes
-        What :func:`~dualbend.evaluation.metrics.summary` and
-        :func:`~dualbend.recording.prediction.notes_of` returned, where that is known already.
+    notes
+        What :func:`~dualbend.recording.prediction.notes_of` returned, where that is known already.
 
     Raises
     ------
@@ -45,11 +42,10 @@ def write_results(
     """
     folder = Path(folder)
     output.prepare_folder(folder)
-    numbers = summary(result) if numbers is None else numbers
     writers: dict[str, Callable[[Path], None]] = {
         "scenario.toml": partial(output.write_scenario, result),
         "trace.parquet": partial(output.write_trace, result),
-        "summary.json": partial(output.write_summary, numbers),
+        "summary.json": partial(output.write_summary, result),
         "moment.png": partial(plot_moment, result),
     }
     if record:
@@ -57,7 +53,7 @@ def write_results(
         from dualbend.recording.prediction import notes_of  # noqa: PLC0415
         from dualbend.recording.write import write_recording  # noqa: PLC0415
 
-        notes = notes_of(result, numbers) if notes is None else notes
+        notes = notes_of(result) if notes is None else notes
         # Small and with its index, in place of what was streamed.
         writers["run.rrd"] = partial(write_recording, result, notes=notes)
     failures = []

@@ -8,10 +8,10 @@ from dualbend.arm.joint_limits import ArmRoom
 from dualbend.evaluation.sheet import SheetReport
 from dualbend.report.html import Html, join, table
 from dualbend.report.parts import Section, note, number
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 
 
-def sheet_section(run: SavedRun) -> Section | None:
+def sheet_section(run: RunRecord) -> Section | None:
     """Return the sheet and each way to take its rigidity; None where the summary has no sheet."""
     if not run.summary.sheet:
         return None
@@ -53,7 +53,7 @@ def _rigidity(sheet: SheetReport) -> Html:
     return table(caption, head, rows, numeric=range(1, 4))
 
 
-def arms_section(run: SavedRun) -> Section | None:
+def arms_section(run: RunRecord) -> Section | None:
     """Return the room that both arms had; None where the summary does not say it."""
     if not run.summary.arms:
         return None

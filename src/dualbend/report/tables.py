@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dualbend.report.html import Html, element, join, table
 from dualbend.report.parts import Section, note, number
 from dualbend.report.settings import Setting, settings_of
-from dualbend.run.saved import SavedMetric, SavedRun
+from dualbend.run.record import Metric, RunRecord
 
 
-def metrics_table(runs: Sequence[SavedRun], names: Sequence[str]) -> Html:
+def metrics_table(runs: Sequence[RunRecord], names: Sequence[str]) -> Html:
     """Return the metrics, a column a run, the unit last."""
     known: dict[str, str] = {}
     for run in runs:
@@ -37,14 +37,14 @@ def _unbroken(unit: str) -> str:
     return unit.replace(" ", "\u00a0")
 
 
-def _value(metric: SavedMetric | None, unit: str) -> str:
+def _value(metric: Metric | None, unit: str) -> str:
     if metric is None:
         return "–"
     shown = number(metric.value)
     return shown if metric.unit == unit else f"{shown} {metric.unit}"
 
 
-def settings_section(run: SavedRun) -> Section:
+def settings_section(run: RunRecord) -> Section:
     """Return what is set otherwise than the defaults, and folded away, everything."""
     settings = settings_of(run.scenario)
     changed = [setting for setting in settings if setting.changed]
@@ -76,7 +76,7 @@ def _settings(caption: str, settings: Sequence[Setting]) -> Html:
     return table(caption, head, rows, numeric=(1,))
 
 
-def origin_section(run: SavedRun) -> Section:
+def origin_section(run: RunRecord) -> Section:
     """Return outcome, seed, versions and model of a run."""
     summary = run.summary
     made, here = summary.versions.get("dualbend"), importlib.metadata.version("dualbend")
@@ -86,7 +86,7 @@ def origin_section(run: SavedRun) -> Section:
         ("outcome", ended(run)),
         ("seed", str(summary.seed)),
         ("controller", summary.controller or "the scenario's own"),
-        ("cycles", str(run.table.num_rows)),
+        ("cycles", str(run.trace.rows)),
         *((name, version) for name, version in summary.versions.items()),
     ]
     if run.model_sha256:
@@ -103,7 +103,7 @@ def origin_section(run: SavedRun) -> Section:
     return Section(title="Versions, seed and outcome", body=join(parts))
 
 
-def ended(run: SavedRun) -> str:
+def ended(run: RunRecord) -> str:
     """Return how a run ended, and why where that is said."""
-    words = run.summary.outcome.replace("_", " ")
-    return f"{words}: {run.summary.reason}" if run.summary.reason else words
+    words = run.outcome.replace("_", " ")
+    return f"{words}: {run.reason}" if run.summary.reason else words

@@ -21,7 +21,7 @@ from dualbend.report.plots import (
     every_second,
     phase_lanes,
 )
-from dualbend.run.saved import SavedRun
+from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
 
 TIME = Axis(label="time", unit="s")
@@ -30,12 +30,12 @@ _WIDTHS = (3.2, 1.4)
 """Left and right: where both are equal, the second is seen on the first."""
 
 
-def time_range(run: SavedRun) -> Range:
+def time_range(run: RunRecord) -> Range:
     """Return the range that a run's plots over time share."""
     return common([run["time"]], margin=0.01)
 
 
-def wrench_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
+def wrench_section(run: RunRecord, pictures: Pictures, shared: Range) -> Section:
     """Return the forces and moments on both arms over time."""
     bands, time = phases(run), run["time"]
     looks = ((BLUE, ORANGE), (GREEN, PURPLE))
@@ -77,7 +77,7 @@ _WRENCH_CAPTIONS = {
 }
 
 
-def misalignment_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section | None:
+def misalignment_section(run: RunRecord, pictures: Pictures, shared: Range) -> Section | None:
     """Return what misaligned grips feel out of the bending plane; None where none is misaligned."""
     if run.scenario.misalignment is None:
         return None
@@ -129,7 +129,7 @@ def _span(values: Vector) -> str:
     return f"{finite.min():.3g} to {finite.max():.3g}" if finite.size else "none"
 
 
-def deviation_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section | None:
+def deviation_section(run: RunRecord, pictures: Pictures, shared: Range) -> Section | None:
     """Return what the compliance added to the path; None where no arm complied."""
     sides = [side for side in SIDES if np.nan_to_num(run[f"{side}_deviation_x"]).any()]
     sides = sides or [s for s in SIDES if np.nan_to_num(run[f"{s}_deviation_alpha"]).any()]
@@ -157,7 +157,7 @@ def deviation_section(run: SavedRun, pictures: Pictures, shared: Range) -> Secti
     return Section(title="What the compliance gave", body=side_by_side(*figures))
 
 
-def phase_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
+def phase_section(run: RunRecord, pictures: Pictures, shared: Range) -> Section:
     """Return the phases as bars over time and as a table."""
     found = phases(run)
     if not found:
@@ -170,11 +170,11 @@ def phase_section(run: SavedRun, pictures: Pictures, shared: Range) -> Section:
     return Section(title="Phases", body=join([picture, _phase_table(run, found)]))
 
 
-def _phase_table(run: SavedRun, found: list[Phase]) -> str:
+def _phase_table(run: RunRecord, found: list[Phase]) -> str:
     several = run.scenario.assembly is not None
     peaks = [("peak_moment_nm", 1e3), ("peak_force_n", 1.0), ("peak_pin_force_n", 1.0)]
     head = ["phase", "from [s]", "takes [s]"]
-    saved = run.summary.phases if several else []
+    saved = run.summary.tables.get("phases", []) if several else []
     if several:
         head += ["sheet", "attempt"]
     if saved:

@@ -53,7 +53,7 @@ def judge_arms(scenario: str, settings: Sequence[str] = ()) -> Iterator[dict[str
         yield {
             "name": name,
             "cell": msgspec.to_builtins(ready.scenario.cell),
-            "room": msgspec.to_builtins(arm_room(ready.cell.arms, ready.foreseen)),
+            "room": msgspec.to_builtins(arm_room(ready.cell.arms, ready.checked_poses)),
         }
 
 

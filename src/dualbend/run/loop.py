@@ -1,10 +1,9 @@
-"""The loop: every 28 ms observe, sense, comply, solve, send, until motion or robot ends it."""
+"""The loop: once per command period observe, sense, comply, solve the IK, send, run the physics."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -22,7 +21,8 @@ from dualbend.errors import InputError
 from dualbend.run.cell import RobotCell
 from dualbend.run.known_sheet import make_admittance
 from dualbend.run.outcome import TaskStopped
-from dualbend.run.trace import Trace
+from dualbend.run.record import RunRecord, Scene
+from dualbend.run.trace import TraceRecorder
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import Outcome
 from dualbend.scene.ik import Targets
@@ -31,42 +31,25 @@ from dualbend.scene.warnings import SimulationFailed, refuse_warnings, warnings_
 from dualbend.types import SIDES, Vector
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunResult:
-    """What a run left: how it ended, why, its trace, the model with its looks, the time it took.
-
-    ``controller``: name of the compliance that took the place of the scenario's own, if one did.
-    ``laid``: of each sheet of an assembly, (4, 3) as its holes lie over their pins [m].
-    """
-
-    scenario: Scenario
-    outcome: Outcome
-    reason: str
-    phases: tuple[str, ...]
-    trace: Trace
-    model: mujoco.MjModel
-    bend_stiffness: float
-    simulated_s: float
-    wall_time_s: float
-    controller: str = ""
-    laid: tuple[Vector, ...] = ()
-
-    @property
-    def expected(self) -> bool:
-        """The scenario allows this outcome."""
-        return self.outcome in self.scenario.expect.outcome
-
-
 class Run:
     """A scenario made ready: everything that can be refused has been when this exists.
 
-    One run's loop is that of a subclass; what surrounds it is here.
+    A subclass says where the run begins (:meth:`start`) and what one command cycle is
+    (:meth:`step`). :meth:`run` goes to the end; who wants to own the loop calls :meth:`begin` and
+    then :meth:`step` until it returns False.
+
+    Attributes
+    ----------
+    trace : of the run since :meth:`begin`
+    checked_poses : joint angles (k, n) of the poses that were tried before the run
+    task_columns : names and units of the trace's columns that only this task has
+    sample : what the sensors say at the start of the next cycle
     """
 
-    phases: tuple[str, ...]
-    trace: Trace
-    foreseen: Vector
-    """Joint angles (k, n) of the poses that were tried before the run."""
+    trace: TraceRecorder
+    controller: ComplianceController
+    sample: SensorSample
+    checked_poses: Vector
     task_columns: tuple[tuple[str, str], ...] = ()
     compliance: Callable[[Scenario], Compliance] = staticmethod(make_admittance)
 
@@ -83,42 +66,54 @@ class Run:
         """Put the cell where the run begins."""
         raise NotImplementedError
 
-    def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
-        """Run to the end, one :meth:`Cycle.observe` and :meth:`Cycle.send` after the other."""
+    def step(self) -> bool:
+        """Run one command cycle, from :meth:`observe` to :meth:`send`; False: there is none left.
+
+        Raises
+        ------
+        ProtectiveStop, TaskStopped, SimulationFailed
+            What ends a run before its motion does.
+        """
         raise NotImplementedError
 
-    def run(self, on_cycle: Callable[[int], None] | None = None) -> RunResult:
-        """Simulate the motion; call ``on_cycle`` with the number of cycles done.
+    def begin(self, on_cycle: Callable[[int], None] | None = None) -> None:
+        """Start again from the first cycle; ``on_cycle`` is called with the number of cycles done.
 
-        ``self.trace`` is the run's trace from its start on.
+        Filters, delays and noise streams have a memory and are made again for each run.
         """
-        # Anew for each run: filters, delays and noise streams have a memory.
         simulation = self.cell.simulation
-        controller = make_controller(self.scenario, simulation.model, self.compliance)
-        trace = Trace(
+        self.controller = make_controller(self.scenario, simulation.model, self.compliance)
+        self.trace = TraceRecorder(
             self.cycles,
-            list(controller.chains),
+            list(self.controller.chains),
             simulation.model.nq,
             self.scenario.sheet.sections,
             simulation.joints,
             self.task_columns,
         )
-        self.trace = trace
-        guard = Guard(
+        self._guard = Guard(
             self.scenario.guard,
             simulation.joints,
             simulation.joint_range,
             simulation.torque_limit,
             self.cell.arms.speed_limit,
         )
-        cycle = Cycle(self.cell, guard, trace, on_cycle)
-        started = time.perf_counter()
+        self._on_cycle = on_cycle
+        self._q = self._previous = self.cell.home
+        self.sample = self.start()
+
+    def run(self, on_cycle: Callable[[int], None] | None = None) -> RunRecord:
+        """Simulate the motion to its end, whatever ends it."""
+        simulation = self.cell.simulation
         outcome: Outcome = "completed"
         reason = ""
+        started = time.perf_counter()
         try:
             with warnings_counted_only():
-                cycle.sample = self.start()
-                self._loop(controller, cycle)
+                self.begin(on_cycle)
+                started = time.perf_counter()
+                while self.step():
+                    pass
                 refuse_warnings(simulation.data)
         except ProtectiveStop as stop:
             outcome, reason = "protective_stop", str(stop)
@@ -128,22 +123,53 @@ class Run:
             outcome, reason = "failed", str(failure)
         except KeyboardInterrupt:
             outcome, reason = "failed", "interrupted by the user"
-        wall_time_s = time.perf_counter() - started
         if reason:
             reason = f"{reason}, at {simulation.data.time:.3f} s"
-        return RunResult(
+        return self.record(outcome, reason, time.perf_counter() - started)
+
+    def record(self, outcome: Outcome, reason: str = "", wall_time_s: float = 0.0) -> RunRecord:
+        """Return what the run has left so far."""
+        simulation = self.cell.simulation
+        return RunRecord(
             scenario=self.scenario,
             outcome=outcome,
             reason=reason,
-            phases=self.phases,
-            trace=trace,
-            model=self.cell.model,
-            bend_stiffness=simulation.bend_stiffness,
+            trace=self.trace,
+            scene=Scene(model=self.cell.model, bend_stiffness=simulation.bend_stiffness),
             simulated_s=float(simulation.data.time),
             wall_time_s=wall_time_s,
             controller="" if self.compliance is make_admittance else _name_of(self.compliance),
             laid=tuple(self.laid),
         )
+
+    def observe(self, phase: int, nominal: Vector) -> Observation:
+        """Observe, record and check; ``nominal`` is α [rad], half distance and height [m]."""
+        self._began = time.perf_counter()
+        simulation, trace = self.cell.simulation, self.trace
+        seen = simulation.observe()
+        refuse_warnings(simulation.data)
+        trace.observe(
+            trace.rows * COMMAND_PERIOD_S,
+            phase,
+            nominal,
+            seen,
+            simulation.data.qpos,
+            simulation.bending_angles,
+        )
+        self._guard.check(seen.q, seen.speed, seen.torque, self.cell.response.position)
+        return seen
+
+    def send(self, targets: Targets, readings: dict[int, Reading], command: Command) -> None:
+        """Command both grips' poses in the world and run the physics to the next cycle."""
+        ik = self.cell.ik
+        solution = ik.solve(targets, 2.0 * self._q - self._previous)
+        if not solution.reached:
+            raise ProtectiveStop(f"commanded {ik.describe_miss(solution)}")
+        self._previous, self._q = self._q, solution.q
+        self.sample = self.cell.send(self._q)
+        self.trace.record_control(readings, command, solution, time.perf_counter() - self._began)
+        if self._on_cycle is not None:
+            self._on_cycle(self.trace.rows)
 
     def scene_xml(self) -> str:
         """Return the composed MJCF, with the start of the run as key frame ``start``.
@@ -163,56 +189,6 @@ class Run:
         spec.add_key(name="start", qpos=data.qpos.copy(), ctrl=data.ctrl.copy())
         spec.compile()
         return str(spec.to_xml())
-
-
-class Cycle:
-    """What every cycle of every run does: look, check and record; solve, send and record.
-
-    ``sample`` is what the sensors say at the start of the next cycle.
-    """
-
-    sample: SensorSample
-
-    def __init__(
-        self,
-        cell: RobotCell,
-        guard: Guard,
-        trace: Trace,
-        on_cycle: Callable[[int], None] | None,
-    ) -> None:
-        self.trace = trace
-        self._cell, self._guard, self._on_cycle = cell, guard, on_cycle
-        self._q = self._previous = cell.home
-        self._began = 0.0
-
-    def observe(self, phase: int, nominal: Vector) -> Observation:
-        """Look at the cell; ``nominal`` is α [rad], half distance and height of the grips [m]."""
-        self._began = time.perf_counter()
-        simulation, trace = self._cell.simulation, self.trace
-        seen = simulation.observe()
-        refuse_warnings(simulation.data)
-        trace.observe(
-            trace.rows * COMMAND_PERIOD_S,
-            phase,
-            nominal,
-            seen,
-            simulation.data.qpos,
-            simulation.bending_angles,
-        )
-        self._guard.check(seen.q, seen.speed, seen.torque, self._cell.response.position)
-        return seen
-
-    def send(self, targets: Targets, readings: dict[int, Reading], command: Command) -> None:
-        """Command both grips' poses in the world and run the physics to the next cycle."""
-        ik = self._cell.ik
-        solution = ik.solve(targets, 2.0 * self._q - self._previous)
-        if not solution.reached:
-            raise ProtectiveStop(f"commanded {ik.describe_miss(solution)}")
-        self._previous, self._q = self._q, solution.q
-        self.sample = self._cell.send(self._q)
-        self.trace.act(readings, command, solution, time.perf_counter() - self._began)
-        if self._on_cycle is not None:
-            self._on_cycle(self.trace.rows)
 
 
 def _name_of(made_by: Callable[[Scenario], Compliance]) -> str:

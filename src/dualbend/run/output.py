@@ -10,12 +10,14 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from dualbend.errors import InputError
-from dualbend.run.loop import Run, RunResult
+from dualbend.run.loop import Run
+from dualbend.run.record import RunRecord
 from dualbend.run.trace import TraceStream
 
 
@@ -42,12 +44,12 @@ def uninterrupted() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def write_scenario(result: RunResult, path: Path) -> None:
+def write_scenario(result: RunRecord, path: Path) -> None:
     """Write ``scenario.toml``, resolved: it makes the same run again."""
     path.write_text(result.scenario.to_toml(), encoding="utf-8")
 
 
-def write_trace(result: RunResult, path: Path) -> None:
+def write_trace(result: RunRecord, path: Path) -> None:
     """Write ``trace.parquet``, one row a cycle, units in the columns' metadata."""
     metadata = {
         "scenario": result.scenario.name,
@@ -80,9 +82,14 @@ def trace_kept(run: Run, folder: Path) -> Iterator[Callable[[], None]]:
         path.unlink(missing_ok=True)
 
 
-def write_summary(summary: dict[str, object], path: Path) -> None:
+def write_summary(result: RunRecord, path: Path) -> None:
     """Write ``summary.json``."""
-    text = json.dumps(summary, indent=2, allow_nan=False)
+    write_json(result.summary.to_json(), path)
+
+
+def write_json(content: dict[str, Any], path: Path) -> None:
+    """Write a JSON file as a person reads it."""
+    text = json.dumps(content, indent=2, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8")
 
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from dualbend.run.loop import RunResult
+from dualbend.run.record import RunRecord
 from dualbend.scene.sheet.strips import hinge_springs
 from dualbend.types import Vector
 
 
-def hinge_moments(result: RunResult) -> Vector:
+def hinge_moments(result: RunRecord) -> Vector:
     """Return the moment of each bending hinge at every cycle (rows, hinges) [N m]."""
     bends = result.trace.bends
     config = result.scenario.sheet
@@ -25,7 +25,7 @@ def hinge_moments(result: RunResult) -> Vector:
     return np.asarray(result.bend_stiffness * spacing * moments)
 
 
-def permanent_curvature(result: RunResult) -> Vector:
+def permanent_curvature(result: RunRecord) -> Vector:
     """Return the curvature that each hinge would keep if let go (rows, hinges) [1/m]."""
     config = result.scenario.sheet
     unloaded = result.trace.bends - hinge_moments(result) / result.bend_stiffness

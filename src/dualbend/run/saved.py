@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import importlib.metadata
 import json
+import math
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import pyarrow as pa
 
 from dualbend.errors import InputError
-from dualbend.run.trace import read_trace
-from dualbend.scenario import motion as bending
+from dualbend.run.record import RunRecord, Summary
+from dualbend.run.trace import Trace, read_trace
 from dualbend.scenario.load import load_scenario, parse_scenario
 from dualbend.scenario.scenario import Scenario
-from dualbend.task.assembly import motions as assembly_motion
-from dualbend.types import SIDES, Vector
 
 FILES = ("scenario.toml", "summary.json", "trace.parquet")
 """What makes a folder a run; pictures and recording are made from these."""
@@ -28,67 +25,8 @@ _STREAM = "trace.arrow"
 UNFINISHED = "ended from outside"
 """Outcome of a run that did not live to write its summary."""
 
-TableRow = dict[str, str | float | bool | None]
 
-
-class SavedMetric(msgspec.Struct, frozen=True):
-    """A metric as ``summary.json`` holds it."""
-
-    value: float | list[float | None] | None
-    unit: str
-
-
-class SavedSummary(msgspec.Struct, frozen=True, kw_only=True):
-    """``summary.json``; the tables of phases, holes and pins are an assembly's.
-
-    ``sheet`` and ``arms`` are as they were written; {} where the run's version did not.
-    """
-
-    scenario: str
-    seed: int
-    outcome: str
-    reason: str
-    controller: str = ""
-    versions: dict[str, str]
-    metrics: dict[str, SavedMetric]
-    sheet: dict[str, Any] = {}
-    arms: dict[str, Any] = {}
-    phases: list[TableRow] = []
-    holes: list[TableRow] = []
-    pins: list[TableRow] = []
-
-
-@dataclass(frozen=True, kw_only=True)
-class SavedRun:
-    """A run's folder in memory: what was asked, what came of it, a row a cycle."""
-
-    folder: Path
-    scenario: Scenario
-    summary: SavedSummary
-    table: pa.Table
-
-    def __getitem__(self, name: str) -> Vector:
-        """Return one column of the trace (rows,)."""
-        column: Vector = self.table.column(name).to_numpy()
-        return column
-
-    @property
-    def phases(self) -> tuple[str, ...]:
-        """Names of the phases, which the trace's column ``phase`` counts."""
-        return bending.PHASES if self.scenario.assembly is None else assembly_motion.PHASES
-
-    @property
-    def sensing_side(self) -> str:
-        """The arm that the summary speaks of: the left one where both sense."""
-        return next(side for side in SIDES if side in self.scenario.arms.sensing)
-
-    @property
-    def model_sha256(self) -> str:
-        """Hash of the compiled model, "" where the trace does not say it."""
-        return _metadata(self.table).get("model_sha256", "")
-
-
-def load_run(folder: Path | str, *, unfinished: bool = False) -> SavedRun:
+def load_run(folder: Path | str, *, unfinished: bool = False) -> RunRecord:
     """Return the run whose files are in ``folder``.
 
     With ``unfinished``, also what a killed run left: its rows and its scenario, no metrics.
@@ -120,22 +58,40 @@ def load_run(folder: Path | str, *, unfinished: bool = False) -> SavedRun:
         scenario = load_scenario(str(scenario_file))
     except InputError as error:
         raise InputError(f"{folder}: {error}{_by_another_version(summary_file)}") from error
-    return SavedRun(
-        folder=folder,
+    return _record(folder, scenario, _read_summary(summary_file), _whole_trace(trace_file))
+
+
+def _record(folder: Path, scenario: Scenario, summary: Summary, table: pa.Table) -> RunRecord:
+    try:
+        trace = Trace.of_table(table)
+    except InputError as error:
+        raise InputError(f"{folder}: no trace of a run: {error}") from error
+    simulated_s, wall_time_s = (
+        float(metric.value) if metric is not None and isinstance(metric.value, float) else math.nan
+        for metric in (summary.metrics.get(name) for name in ("simulated_time", "wall_time"))
+    )
+    return RunRecord(
         scenario=scenario,
-        summary=_read_summary(summary_file),
-        table=_whole_trace(trace_file),
+        outcome=summary.outcome,
+        reason=summary.reason,
+        controller=summary.controller,
+        trace=trace,
+        simulated_s=simulated_s,
+        wall_time_s=wall_time_s,
+        folder=folder,
+        known=summary,
+        model_sha256=_metadata(table).get("model_sha256", ""),
     )
 
 
-def _load_unfinished(folder: Path) -> SavedRun:
+def _load_unfinished(folder: Path) -> RunRecord:
     path = folder / _STREAM
     table = _whole_trace(path)
     text = _metadata(table).get("scenario_toml")
     if text is None:
         raise InputError(f"{path}: does not say which scenario it is of; run it again")
     scenario = parse_scenario(text, str(path))
-    summary = SavedSummary(
+    summary = Summary(
         scenario=scenario.name,
         seed=scenario.seed,
         outcome=UNFINISHED,
@@ -143,7 +99,7 @@ def _load_unfinished(folder: Path) -> SavedRun:
         versions={},
         metrics={},
     )
-    return SavedRun(folder=folder, scenario=scenario, summary=summary, table=table)
+    return _record(folder, scenario, summary, table)
 
 
 def _metadata(table: pa.Table) -> dict[str, str]:
@@ -165,9 +121,9 @@ def _by_another_version(summary_file: Path) -> str:
     return ""
 
 
-def _read_summary(path: Path) -> SavedSummary:
+def _read_summary(path: Path) -> Summary:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=SavedSummary)
+        return Summary.of_json(path.read_bytes())
     except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: no summary of a run: {error}") from error
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import json
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -34,7 +34,103 @@ def _joint_columns(joints: Sequence[str], kind: str, unit: str) -> list[tuple[st
 
 
 class Trace:
-    """Rows of a run in memory; what was recorded survives whatever ends the run.
+    """Rows of a run, one a command cycle, in memory or read back: columns by name, with units.
+
+    Parameters
+    ----------
+    columns
+        Names and units.
+    values
+        (rows, columns).
+    qpos
+        Physics positions (rows, nq) at the start of each cycle, for the recording in 3D; None of a
+        trace that was read back.
+    """
+
+    def __init__(
+        self, columns: Sequence[tuple[str, str]], values: Vector, qpos: Vector | None = None
+    ) -> None:
+        self.columns = list(columns)
+        self.rows = len(values)
+        self._table, self._qpos = values, qpos
+        self._index = {name: i for i, (name, _) in enumerate(self.columns)}
+
+    @classmethod
+    def of_table(cls, table: pa.Table) -> Trace:
+        """Return the trace that an Arrow table holds; InputError where a column is no numbers."""
+        columns = []
+        for schema in table.schema:
+            if not pa.types.is_floating(schema.type) and not pa.types.is_integer(schema.type):
+                raise InputError(f"column {schema.name!r} holds {schema.type}, not numbers")
+            unit = (schema.metadata or {}).get(b"unit", b"1").decode()
+            columns.append((schema.name, unit))
+        values = np.empty((table.num_rows, len(columns)))
+        for i, column in enumerate(table.columns):
+            values[:, i] = column.to_numpy()
+        return cls(columns, values)
+
+    def __contains__(self, name: str) -> bool:
+        """Tell whether there is a column of that name."""
+        return name in self._index
+
+    def __getitem__(self, name: str) -> Vector:
+        """Return one column over the recorded rows."""
+        if name not in self._index:
+            raise InputError(f"the trace has no column {name!r}")
+        return self._table[: self.rows, self._index[name]]
+
+    def _group(self, pattern: str) -> Vector:
+        """Return the columns whose names match (rows, n); they stand side by side."""
+        chosen = [i for name, i in self._index.items() if re.fullmatch(pattern, name)]
+        first = chosen[0] if chosen else 0
+        return self._table[: self.rows, first : first + len(chosen)]
+
+    def window(self, first: int, last: int) -> Trace:
+        """Return the rows from ``first`` to before ``last``, in the same memory: to read only."""
+        qpos = None if self._qpos is None else self._qpos[first:last]
+        return Trace(self.columns, self._table[first:last], qpos)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the arms' joints, such as ``left_joint1``."""
+        found = (re.fullmatch(r"(\w+?)_setpoint_(\w+)", name) for name in self._index)
+        return tuple(f"{match[1]}_{match[2]}" for match in found if match)
+
+    @property
+    def setpoints(self) -> Vector:
+        """Joint set-points (rows, n) [rad]; NaN in a row that was not completed."""
+        return self._group(r"\w+?_setpoint_\w+")
+
+    @property
+    def bends(self) -> Vector:
+        """Angles of the bending hinges (rows, hinges) [rad]."""
+        return self._group(r"bend_\d+")
+
+    @property
+    def qpos(self) -> Vector:
+        """Physics positions (rows, nq) at the start of each cycle; InputError where not kept."""
+        if self._qpos is None:
+            raise InputError(
+                "a run that was read back has no positions of the physics: run it again"
+            )
+        return self._qpos[: self.rows]
+
+    def table(self, metadata: dict[str, str], first: int = 0) -> pa.Table:
+        """Return the trace from row ``first`` on as an Arrow table, each field with its unit."""
+        fields = [
+            pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit in self.columns
+        ]
+        schema = pa.schema(fields, metadata={"dualbend": json.dumps(metadata)})
+        arrays = [pa.array(self._table[first : self.rows, i]) for i in range(len(fields))]
+        return pa.Table.from_arrays(arrays, schema=schema)
+
+    def write(self, path: Path, metadata: dict[str, str]) -> None:
+        """Write the trace as Parquet."""
+        pq.write_table(self.table(metadata), path)
+
+
+class TraceRecorder(Trace):
+    """The trace of a run that goes on; what was recorded survives whatever ends the run.
 
     Parameters
     ----------
@@ -62,7 +158,6 @@ class Trace:
         task: Sequence[tuple[str, str]] = (),
     ) -> None:
         self.columns: list[tuple[str, str]] = []
-        self.joints = tuple(joints)
         self._slices: dict[str, slice] = {}
         self._declare("clock", [("time", "s"), ("phase", "1")])
         self._declare(
@@ -97,9 +192,10 @@ class Trace:
         self._declare("saturated", [("saturated", "1")])
         self._declare("task", list(task))
         self._declare("wall", [("wall_s", "s")])
+        room = np.full((cycles, len(self.columns)), np.nan)
+        self._positions = np.empty((cycles, qpos_size))
+        super().__init__(self.columns, room, self._positions)
         self.rows = 0
-        self._table = np.full((cycles, len(self.columns)), np.nan)
-        self._qpos = np.empty((cycles, qpos_size))
 
     def _declare(self, group: str, columns: list[tuple[str, str]]) -> None:
         start = len(self.columns)
@@ -126,16 +222,16 @@ class Trace:
         row[at["bend"]] = bends
         row[at["q"]] = seen.q
         row[at["torque"]] = seen.torque
-        self._qpos[self.rows] = qpos
+        self._positions[self.rows] = qpos
         if self.rows:
             row[at["task"]] = self._table[self.rows - 1][at["task"]]
         self.rows += 1
 
-    def note(self, values: Sequence[float]) -> None:
+    def record_task(self, values: Sequence[float]) -> None:
         """Add the task's own columns to the row."""
         self._table[self.rows - 1][self._slices["task"]] = values
 
-    def act(
+    def record_control(
         self, readings: dict[int, Reading], command: Command, ik: IKSolution, wall_s: float
     ) -> None:
         """Complete the row with what the controller made of it."""
@@ -156,47 +252,6 @@ class Trace:
         row[at["ik"]] = ik.position_residual_m, ik.rotation_residual_rad, ik.iterations
         row[at["saturated"]] = command.saturated
         row[at["wall"]] = wall_s
-
-    def __getitem__(self, name: str) -> Vector:
-        """Return one column over the recorded rows."""
-        index = [column for column, _ in self.columns].index(name)
-        return self._table[: self.rows, index]
-
-    def window(self, first: int, last: int) -> Trace:
-        """Return the rows from ``first`` to before ``last``, in the same memory: to read only."""
-        part = copy.copy(self)
-        part._table = self._table[first:last]
-        part._qpos = self._qpos[first:last]
-        part.rows = last - first
-        return part
-
-    @property
-    def setpoints(self) -> Vector:
-        """Joint set-points (rows, n) [rad]; NaN in a row that was not completed."""
-        return self._table[: self.rows, self._slices["setpoint"]]
-
-    @property
-    def qpos(self) -> Vector:
-        """Physics positions (rows, nq) at the start of each cycle."""
-        return self._qpos[: self.rows]
-
-    @property
-    def bends(self) -> Vector:
-        """Angles of the bending hinges (rows, hinges) [rad]."""
-        return self._table[: self.rows, self._slices["bend"]]
-
-    def table(self, metadata: dict[str, str], first: int = 0) -> pa.Table:
-        """Return the trace from row ``first`` on as an Arrow table, each field with its unit."""
-        fields = [
-            pa.field(name, pa.float64(), metadata={"unit": unit}) for name, unit in self.columns
-        ]
-        schema = pa.schema(fields, metadata={"dualbend": json.dumps(metadata)})
-        arrays = [pa.array(self._table[first : self.rows, i]) for i in range(len(fields))]
-        return pa.Table.from_arrays(arrays, schema=schema)
-
-    def write(self, path: Path, metadata: dict[str, str]) -> None:
-        """Write the trace as Parquet."""
-        pq.write_table(self.table(metadata), path)
 
 
 class TraceStream:

@@ -16,13 +16,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import summary
 from dualbend.report.bending import knots_of
 from dualbend.report.data import Line, nominal_lines
 from dualbend.report.page import PAPER_FIGURES, write_report
 from dualbend.run import output
 from dualbend.run.make import make_run
-from dualbend.run.saved import SavedRun, load_run
+from dualbend.run.record import RunRecord
+from dualbend.run.saved import load_run
 from dualbend.scenario.load import load_scenario
 
 PROCESSES = 2
@@ -39,8 +39,8 @@ _LOOKS = {
 def make_figures(
     out: Path,
     settings: Sequence[str] = (),
-    on_done: Callable[[SavedRun], None] = lambda _: None,
-) -> list[SavedRun]:
+    on_done: Callable[[RunRecord], None] = lambda _: None,
+) -> list[RunRecord]:
     """Run the three scenarios into ``out`` and write pictures and page; return the runs.
 
     ``settings``: what is set otherwise in all three, as ``--set`` has it.
@@ -69,7 +69,7 @@ def make_figures(
 
 
 def _run_all(
-    folders: dict[str, Path], settings: Sequence[str], on_done: Callable[[SavedRun], None]
+    folders: dict[str, Path], settings: Sequence[str], on_done: Callable[[RunRecord], None]
 ) -> None:
     context = multiprocessing.get_context("spawn")
     try:
@@ -92,12 +92,12 @@ def _run(name: str, settings: Sequence[str], folder: Path) -> None:
         (folder / "trace.arrow").unlink(missing_ok=True)  # of an earlier run that was killed
         output.write_scenario(result, folder / "scenario.toml")
         output.write_trace(result, folder / "trace.parquet")
-        output.write_summary(summary(result), folder / "summary.json")
+        output.write_summary(result, folder / "summary.json")
     except OSError as error:
         raise InputError(f"--out {folder}: {error.strerror or error}") from error
 
 
-def write_pictures(runs: Sequence[SavedRun], out: Path) -> None:
+def write_pictures(runs: Sequence[RunRecord], out: Path) -> None:
     """Write each run's figure and all beside each other, on one scale, as PNG and SVG.
 
     Raises
@@ -123,7 +123,7 @@ def write_pictures(runs: Sequence[SavedRun], out: Path) -> None:
     _save(figure, out / "figures")
 
 
-def _draw(axes: Axes, run: SavedRun, lines: Sequence[Line]) -> None:
+def _draw(axes: Axes, run: RunRecord, lines: Sequence[Line]) -> None:
     for line in lines:
         colour, width, style = _LOOKS[line.name]
         axes.plot(line.x, line.y, color=colour, linewidth=width, linestyle=style, label=line.name)

@@ -12,14 +12,15 @@ import msgspec
 import numpy as np
 
 from dualbend.errors import DualbendError, InputError
-from dualbend.evaluation.assembly import pin_table, seated
 from dualbend.evaluation.metrics import surface_strain
-from dualbend.run.loop import Run, RunResult
+from dualbend.run.loop import Run
 from dualbend.run.make import make_run
+from dualbend.run.record import RunRecord, task_of
 from dualbend.run.trace import Trace
 from dualbend.scenario.assembly import AssemblyConfig, ErrorsConfig
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES, hole_places
+from dualbend.task.assembly.metrics import pin_table, seated
 
 CAUSES = (
     ("the middle holes did not find", "middle holes not found"),
@@ -146,7 +147,9 @@ def run_one(scenario: Scenario, seed: int, index: int, compliance: bool) -> Tria
         outcome, cause, reason = "refused", REFUSED, str(error)
     except Exception as error:  # one bad run must not end the study
         outcome, cause, reason = "error", RAISED, f"{type(error).__name__}: {error}"
-    reached = BEFORE if run is None else _phase(run.phases, getattr(run, "trace", None))
+    reached = (
+        BEFORE if run is None else _phase(task_of(run.scenario).phases, getattr(run, "trace", None))
+    )
     return trial(
         drawn, index, success=False, outcome=outcome, reason=reason, phase=reached, cause=cause
     )
@@ -166,7 +169,7 @@ def trial(drawn: Scenario, index: int, **ended: bool | str | float | None) -> Tr
     return msgspec.convert({**ended, **fixed}, Trial)
 
 
-def _judge(result: RunResult, index: int) -> Trial:
+def _judge(result: RunRecord, index: int) -> Trial:
     config = assembly_of(result.scenario)
     count = int(seated(result).sum())
     success = result.outcome == "completed" and count == len(HOLES) * config.sheets

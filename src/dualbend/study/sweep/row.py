@@ -5,15 +5,9 @@ from __future__ import annotations
 import msgspec
 
 from dualbend.errors import DualbendError, InputError
-from dualbend.evaluation.metrics import (
-    WALL_CLOCK,
-    Metric,
-    assembly_metrics,
-    compute_metrics,
-    versions,
-)
-from dualbend.run.loop import RunResult
+from dualbend.evaluation.metrics import WALL_CLOCK, versions
 from dualbend.run.make import make_run
+from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
@@ -61,9 +55,8 @@ def run_row(index: int, scenario: Scenario) -> RunRow:
     return RunRow(index=index, outcome=result.outcome, reason=result.reason, metrics=metrics)
 
 
-def _metrics(result: RunResult) -> dict[str, Metric]:
-    kind = compute_metrics if result.scenario.assembly is None else assembly_metrics
-    return {name: metric for name, metric in kind(result).items() if name not in WALL_CLOCK}
+def _metrics(result: RunRecord) -> dict[str, Metric]:
+    return {name: metric for name, metric in result.metrics.items() if name not in WALL_CLOCK}
 
 
 def result_versions() -> dict[str, str]:

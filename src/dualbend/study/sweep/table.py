@@ -13,7 +13,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import Metric, versions
+from dualbend.evaluation.metrics import versions
+from dualbend.run.record import Metric
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
 from dualbend.study.sweep.keys import known_keys

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import msgspec
@@ -14,7 +15,6 @@ from dualbend.control.compliance.object import (
     ObjectComplianceConfig,
     critical_rate,
 )
-from dualbend.control.controller import ComplianceController
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
 from dualbend.control.reading import Reading, net_wrench, vertical_force
@@ -23,7 +23,7 @@ from dualbend.planning.plan import AssemblyPlan, plan_assembly
 from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.cell import RobotCell
-from dualbend.run.loop import Cycle, Run
+from dualbend.run.loop import Run
 from dualbend.run.outcome import TaskStopped
 from dualbend.scenario.assembly import ErrorsConfig
 from dualbend.scenario.path import make_path
@@ -106,7 +106,6 @@ class AssemblyRun(Run):
         A posture is out of reach, or the sheet's holes do not fit the pins at any bending angle.
     """
 
-    phases = PHASES
     task_columns = TASK_COLUMNS
 
     def __init__(self, scenario: Scenario) -> None:
@@ -126,7 +125,7 @@ class AssemblyRun(Run):
             raise self._out_of_reach("approach", error) from error
         super().__init__(scenario, cell)
         self._limit_strain = limit * sheet.young_pa / cell.sheet.young_pa
-        self._foresee(task)
+        self._check_path(task)
         simulation, layout = cell.simulation, self.config.true_layout()
         self.grippers = Grippers(simulation.model, simulation.data, cell.sheet.thickness_m)
         self.pins = PinContacts(
@@ -164,7 +163,7 @@ class AssemblyRun(Run):
             "right": np.array([turn @ right.as_matrix() for _, right in targets]),
         }
 
-    def _foresee(self, task: AssemblyTask) -> None:
+    def _check_path(self, task: AssemblyTask) -> None:
         """Refuse postures that the arms cannot reach."""
         q, visited = self.cell.home, []
         for phase, posture in task.waypoints():
@@ -175,8 +174,8 @@ class AssemblyRun(Run):
             visited.append(q)
             if phase == "lower":
                 self._down, self._down_q = posture, q
-        self.foreseen = np.array(visited)
-        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, self.foreseen)
+        self.checked_poses = np.array(visited)
+        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, self.checked_poses)
 
     def _out_of_reach(self, phase: str, error: InputError) -> InputError:
         layout = self.config.layout
@@ -251,60 +250,73 @@ class AssemblyRun(Run):
             found.append(np.diag(object_stiffness(cell, q, posture.alpha, pinned)))
         return np.array(found)
 
-    def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
+    def begin(self, on_cycle: Callable[[int], None] | None = None) -> None:
+        """Start again: the program, the compliance of the held sheet and its delay, too."""
         compliance = self.config.compliance
-        admittance = (
+        self._admittance = (
             None if compliance is None else ObjectAdmittance(compliance, BENDS, self._mobility)
         )
-        delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
-        task = self._make_task()
-        steps = task.steps()
-        goal = next(steps)
-        while True:
-            if cycle.trace.rows == self.cycles:
-                raise TaskStopped(
-                    f"{PHASES[goal.phase]}: not done within {self.config.sheets * LONGEST_S:g} s"
-                )
-            if task.laid > len(self.laid):
-                self.laid.append(self.pins.offsets())
-                self._supply()
-            x, rise, alpha = self._pose(goal.posture).tolist()
-            place = _place(goal.posture)
-            seen = cycle.observe(goal.phase, np.array([alpha, -x, place[2] + rise]))
-            sample = cycle.sample
-            readings = controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
-            net = net_wrench(readings, -x, alpha, float(place[3]))
-            deviation = np.zeros(3)
-            if admittance is not None:
-                if goal.bend is not None:
-                    admittance.update(task.contact_wrench(net), goal.bend, goal.seeking)
-                elif goal.phase < PHASES.index("lower"):
-                    admittance.relax(self.config.speeds.travel_m_per_s)
-                deviation = admittance.deviation
-            self._note(cycle, goal, task.laid, deviation, net)
-            moved = place + delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
-            command = controller.command(readings, x, rise, alpha)
-            self.grippers.drive(goal.posture.opening)
-            targets = carried_targets(command.pose, moved)
-            error = _error(targets, seen.grip[:, :3])
-            cycle.send(targets, readings, command)
-            self.grippers.update()
-            sensed = Sensed(
-                net=net,
-                vertical=_vertical(readings, alpha),
-                gap=self.grippers.gap_m,
-                error_m=error,
-            )
-            try:
-                goal = steps.send(sensed)
-            except StopIteration:
-                self.laid.append(self.pins.offsets())
-                return
+        self._delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
+        self._task = self._make_task()
+        self._steps = self._task.steps()
+        self._goal: Goal | None = next(self._steps)
+        super().begin(on_cycle)
 
-    def _note(self, cycle: Cycle, goal: Goal, laid: int, deviation: Vector, net: Vector) -> None:
+    def step(self) -> bool:
+        """Run one command cycle of the program; False at its end."""
+        task, goal = self._task, self._goal
+        if goal is None:
+            return False
+        if self.trace.rows == self.cycles:
+            raise TaskStopped(
+                f"{PHASES[goal.phase]}: not done within {self.config.sheets * LONGEST_S:g} s"
+            )
+        if task.laid > len(self.laid):
+            self.laid.append(self.pins.offsets())
+            self._supply()
+        x, rise, alpha = self._pose(goal.posture).tolist()
+        place = _place(goal.posture)
+        seen = self.observe(goal.phase, np.array([alpha, -x, place[2] + rise]))
+        sample = self.sample
+        readings = self.controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
+        net = net_wrench(readings, -x, alpha, float(place[3]))
+        deviation = self._comply(goal, net)
+        self._note(goal, task.laid, deviation, net)
+        moved = place + self._delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
+        command = self.controller.command(readings, x, rise, alpha)
+        self.grippers.drive(goal.posture.opening)
+        targets = carried_targets(command.pose, moved)
+        error = _error(targets, seen.grip[:, :3])
+        self.send(targets, readings, command)
+        self.grippers.update()
+        sensed = Sensed(
+            net=net,
+            vertical=_vertical(readings, alpha),
+            gap=self.grippers.gap_m,
+            error_m=error,
+        )
+        try:
+            self._goal = self._steps.send(sensed)
+        except StopIteration:
+            self._goal = None
+            self.laid.append(self.pins.offsets())
+        return True
+
+    def _comply(self, goal: Goal, net: Vector) -> Vector:
+        """Return the deviation of the held sheet, x, y [m] and yaw [rad] (3,)."""
+        admittance = self._admittance
+        if admittance is None:
+            return np.zeros(3)
+        if goal.bend is not None:
+            admittance.update(self._task.contact_wrench(net), goal.bend, goal.seeking)
+        elif goal.phase < PHASES.index("lower"):
+            admittance.relax(self.config.speeds.travel_m_per_s)
+        return admittance.deviation
+
+    def _note(self, goal: Goal, laid: int, deviation: Vector, net: Vector) -> None:
         """Record what is the assembly's own, and stop at what does damage."""
         peaks, limits = self.pins.peaks(), self.config.limits
-        cycle.trace.note(
+        self.trace.record_task(
             [
                 float(laid),
                 float(goal.attempt),

@@ -7,16 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from dualbend.errors import InputError
-from dualbend.evaluation.assembly import (
+from dualbend.run.record import RunRecord
+from dualbend.scenario.load import load_scenario
+from dualbend.task.assembly.metrics import (
     OFFSET_BEYOND_CLEARANCE_M,
     RESTING_WITHIN_M,
     final_holes,
     pin_table,
     seated,
 )
-from dualbend.evaluation.metrics import assembly_metrics
-from dualbend.run.loop import RunResult
-from dualbend.scenario.load import load_scenario
 from dualbend.task.assembly.run import AssemblyRun
 from dualbend.validation.row import Row, absolute, at_most
 
@@ -47,11 +46,11 @@ def _refusal() -> Row:
     return absolute("pwb-impossible refused, with what is missing", refused, 1.0, "1", 0.0)
 
 
-def _seated(name: str, result: RunResult, holes: int) -> Iterator[Row]:
+def _seated(name: str, result: RunRecord, holes: int) -> Iterator[Row]:
     assembly = result.scenario.assembly
     assert assembly is not None
     yield absolute(f"{name}: holes seated", float(seated(result).sum()), holes, "1", 0.0)
-    final, metrics = final_holes(result), assembly_metrics(result)
+    final, metrics = final_holes(result), result.metrics
     allowed = 0.5 * assembly.layout.holes.clearance_m + OFFSET_BEYOND_CLEARANCE_M
     offset = float(np.hypot(final[..., 0], final[..., 1]).max())
     height = float(np.abs(final[..., 2]).max())
@@ -72,5 +71,5 @@ def _seated(name: str, result: RunResult, holes: int) -> Iterator[Row]:
     yield at_most(f"{name}: peak surface strain over yield", strain / limit, 1.0, "1")
 
 
-def _peak_pin(result: RunResult) -> float:
+def _peak_pin(result: RunRecord) -> float:
     return max(float(row["peak_force_n"] or 0.0) for row in pin_table(result))

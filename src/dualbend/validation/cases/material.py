@@ -19,8 +19,8 @@ from dualbend.beam.path import ExactPath
 from dualbend.beam.plastic import of_laminate, of_material
 from dualbend.beam.rod.plastic import solve_plastic
 from dualbend.beam.sheet import Sheet
-from dualbend.run.loop import RunResult
 from dualbend.run.permanent_set import permanent_curvature
+from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.motion import PHASES
 from dualbend.scene.sheet.strips import StripConfig, bend_joint
@@ -150,13 +150,13 @@ def let_go(run: BendingRun) -> Vector:
     return np.asarray(simulation.bending_angles * sheet.strips.hinges / sheet.length_m)
 
 
-def run_springback() -> tuple[BendingRun, RunResult]:
+def run_springback() -> tuple[BendingRun, RunRecord]:
     """Run the shipped scenario of a sheet that yields."""
     run = BendingRun(load_scenario(SCENARIO))
     return run, run.run()
 
 
-def bent_rows(result: RunResult) -> Iterator[Row]:
+def bent_rows(result: RunRecord) -> Iterator[Row]:
     """Compare the sheet at rest in its bent end with the rod that yields, at the edges' poses."""
     trace, config = result.trace, result.scenario.sheet
     row = int(np.flatnonzero(trace["phase"] == PHASES.index("hold"))[-1])

@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 
 from dualbend.arm.mjcf import GRIP_SITE
-from dualbend.evaluation.metrics import bending_rows, compute_metrics, peak_by_piece
+from dualbend.evaluation.metrics import bending_rows, peak_by_piece
 from dualbend.evaluation.recorded_rod import Place, oracle_moments
 from dualbend.run.arms import arm_pair
-from dualbend.run.loop import RunResult
+from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS
 from dualbend.scenario.load import list_scenarios, load_scenario
 from dualbend.scenario.path import make_path
@@ -28,7 +28,7 @@ SMALLEST_GROWTH = 0.1
 """Rate [1/s] above which an oscillation counts as growing."""
 
 
-def run_shipped() -> dict[str, RunResult]:
+def run_shipped() -> dict[str, RunRecord]:
     """Run every shipped scenario that bends the sheet between two grips, by name."""
     shipped = {name: load_scenario(name) for name in list_scenarios()}
     return {
@@ -38,7 +38,7 @@ def run_shipped() -> dict[str, RunResult]:
     }
 
 
-def residual_rows(runs: Mapping[str, RunResult]) -> Iterator[Row]:
+def residual_rows(runs: Mapping[str, RunRecord]) -> Iterator[Row]:
     """Judge how all runs end, and how far the solved joint angles miss the commanded poses."""
     unexpected = sum(not run.expected for run in runs.values())
     yield absolute("shipped scenarios that end unexpectedly", unexpected, 0.0, "1", 0.0)
@@ -47,7 +47,7 @@ def residual_rows(runs: Mapping[str, RunResult]) -> Iterator[Row]:
     yield absolute("IK residual, all shipped scenarios, rotation", worst[1], 0.0, "rad", IK_LIMIT)
 
 
-def ik_residuals(run: RunResult) -> tuple[float, float]:
+def ik_residuals(run: RunRecord) -> tuple[float, float]:
     """Return the largest miss of a grip, [m] and [rad], by MuJoCo's forward kinematics alone.
 
     The recorded joint set-points are put into the robots' model and compared with the recorded
@@ -84,7 +84,7 @@ def _miss(position: Vector, rotation: Vector, side: Side, pose: Vector) -> tuple
     return float(np.linalg.norm(position - [sign * x, 0.0, z])), angle
 
 
-def moment_rows(fig6: RunResult) -> Iterator[Row]:
+def moment_rows(fig6: RunRecord) -> Iterator[Row]:
     """Compare the moment of a run without compliance with the oracle, over its first peak.
 
     At the sheet's own edges the strips alone differ; at the grippers' poses the pads' compliance
@@ -105,7 +105,7 @@ def moment_rows(fig6: RunResult) -> Iterator[Row]:
     yield absolute("fig6 moment at inner knots / first peak", largest, 0.0, "1", 0.10)
 
 
-def moment_error(run: RunResult, place: Place) -> float:
+def moment_error(run: RunRecord, place: Place) -> float:
     """Return the largest error of the moment against the oracle while bending, over its first peak.
 
     ``place`` as :func:`oracle_moments` has it; NaN where nothing was bent.
@@ -115,24 +115,24 @@ def moment_error(run: RunResult, place: Place) -> float:
     return float(np.max(np.abs(error))) / first_peak(run) if error.size else math.nan
 
 
-def first_peak(run: RunResult) -> float:
+def first_peak(run: RunRecord) -> float:
     """Return the largest |moment| on the first piece of the path [N m]; NaN if not reached."""
     pieces = peak_by_piece(run)
     return pieces[0] if pieces else math.nan
 
 
-def comparison_rows(runs: Mapping[str, RunResult]) -> Iterator[Row]:
+def comparison_rows(runs: Mapping[str, RunRecord]) -> Iterator[Row]:
     """Compare what compliance, too much of it, and the exact path make of the moment."""
     plain, compliant = peak_by_piece(runs["fig6"]), peak_by_piece(runs["fig8"])
     ratio = _largest_ratio(runs["fig8"], plain, compliant)
     yield at_most("fig8 / fig6 peak moment, worst piece with compliance", ratio, 0.6, "1")
     yield from oscillation_rows(runs["fig8"], runs["fig9"])
-    exact = compute_metrics(runs["exact"])["peak_moment"].value
+    exact = runs["exact"].metrics["peak_moment"].value
     peak = exact if isinstance(exact, float) else math.nan
     yield at_most("exact / fig6 peak moment", peak / first_peak(runs["fig6"]), 0.3, "1")
 
 
-def _largest_ratio(compliant_run: RunResult, plain: list[float], compliant: list[float]) -> float:
+def _largest_ratio(compliant_run: RunRecord, plain: list[float], compliant: list[float]) -> float:
     """Return the largest ratio over the pieces in which an axis complies from their start on."""
     scenario = compliant_run.scenario
     axes = (scenario.compliance.x, scenario.compliance.rotation)
@@ -144,7 +144,7 @@ def _largest_ratio(compliant_run: RunResult, plain: list[float], compliant: list
     return max(compliant[k] / plain[k] for k in pieces)
 
 
-def oscillation_rows(fig8: RunResult, fig9: RunResult) -> Iterator[Row]:
+def oscillation_rows(fig8: RunRecord, fig9: RunRecord) -> Iterator[Row]:
     """Judge that a too small B makes the loop oscillate: growth, and a moment far above fig8's.
 
     A protective stop is the other way in which such a loop ends.
@@ -152,18 +152,18 @@ def oscillation_rows(fig8: RunResult, fig9: RunResult) -> Iterator[Row]:
     if fig9.outcome == "protective_stop":
         yield at_least("fig9 ends in a protective stop", 1.0, 1.0, "1")
         return
-    growth = compute_metrics(fig9)["oscillation_growth"].value
+    growth = fig9.metrics["oscillation_growth"].value
     rate = growth if isinstance(growth, float) else math.nan
     yield at_least("fig9 growth rate of the oscillation", rate, SMALLEST_GROWTH, "1/s")
     ratio = _peak_from(fig9, 1) / _peak_from(fig8, 1)
     yield at_least("fig9 / fig8 peak moment from the second piece on", ratio, 3.0, "1")
 
 
-def _peak_from(run: RunResult, piece: int) -> float:
+def _peak_from(run: RunRecord, piece: int) -> float:
     return max(peak_by_piece(run)[piece:], default=math.nan)
 
 
-def differing_values(first: RunResult, second: RunResult) -> int:
+def differing_values(first: RunRecord, second: RunRecord) -> int:
     """Return how many values of two traces differ, but for the wall clock's; NaN equals NaN."""
     if first.trace.rows != second.trace.rows or first.trace.columns != second.trace.columns:
         return max(first.trace.rows, second.trace.rows) * len(first.trace.columns)
@@ -173,7 +173,7 @@ def differing_values(first: RunResult, second: RunResult) -> int:
     return sum(int(np.sum((a != b) & ~(np.isnan(a) & np.isnan(b)))) for a, b in pairs)
 
 
-def repeat_row(first: RunResult) -> Row:
+def repeat_row(first: RunRecord) -> Row:
     """Run a scenario again with its seed and count the values of the trace that differ."""
     second = BendingRun(first.scenario).run()
     name = f"values that differ, {first.scenario.name} twice with one seed"

@@ -16,7 +16,7 @@ from dualbend.beam import elastica
 from dualbend.beam.rod import planar as rod
 from dualbend.beam.rod.space import RodStiffness, SpaceGrip, SpaceState, solve_space
 from dualbend.beam.sheet import Sheet
-from dualbend.run.loop import RunResult
+from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
 from dualbend.task.bending.run import BendingRun
@@ -129,14 +129,14 @@ def twist_rows() -> Iterator[Row]:
             yield relative(what, found, wanted, unit, TWIST_TOLERANCE)
 
 
-def misaligned_run(*settings: str) -> RunResult:
+def misaligned_run(*settings: str) -> RunRecord:
     """Run the shipped experiment with errors of the right grip."""
     return BendingRun(
         load_scenario("fig6", [f"misalignment.right.{setting}" for setting in settings])
     ).run()
 
 
-def edge_grips(result: RunResult, row: int, place: str = "edge") -> tuple[SpaceGrip, SpaceGrip]:
+def edge_grips(result: RunRecord, row: int, place: str = "edge") -> tuple[SpaceGrip, SpaceGrip]:
     """Return where the trace says that the sheet's edges are, as the rod's ends in the world."""
     grips = []
     for side, flip in zip(SIDES, (np.eye(3), _HALF_TURN), strict=True):
@@ -150,7 +150,7 @@ def edge_grips(result: RunResult, row: int, place: str = "edge") -> tuple[SpaceG
     return grips[0], grips[1]
 
 
-def true_wrench(result: RunResult, row: int, side: str = "left") -> Vector:
+def true_wrench(result: RunRecord, row: int, side: str = "left") -> Vector:
     """Return the recorded wrench on a gripper (6,), in its bending frame."""
     parts = [f"{kind}_{axis}" for kind in ("force", "moment") for axis in "xyz"]
     return np.array([result.trace[f"{side}_true_{part}"][row] for part in parts])
@@ -182,7 +182,7 @@ def bent_rows() -> Iterator[Row]:
             yield relative(what, found[worst, i], wanted[worst, i], unit, LATERAL_TOLERANCE, scale)
 
 
-def flat_compliance(result: RunResult, *, in_plane: bool) -> Vector:
+def flat_compliance(result: RunRecord, *, in_plane: bool) -> Vector:
     """Return the compliance (2, 2) of pads and flat sheet to y [m] and yaw [rad] of the right edge.
 
     Both pads in series with the clamped strip: lateral L³/3EI_z, L²/2EI_z, L/EI_z, or nothing
@@ -201,7 +201,7 @@ def flat_compliance(result: RunResult, *, in_plane: bool) -> Vector:
     return np.asarray(total)
 
 
-def flat_loads(result: RunResult, row: int, *, in_plane: bool = False) -> Vector:
+def flat_loads(result: RunRecord, row: int, *, in_plane: bool = False) -> Vector:
     """Return lateral force [N] and moment about z [N m] on the right gripper, flat, by theory.
 
     The grips are where the trace says; dry friction in the joints may hold the arms or not.

@@ -1,4 +1,4 @@
-"""The numbers of an assembly: per phase, per hole, per pin, and whether the holes are seated."""
+"""The metrics of an assembly: per phase, per hole, per pin, and whether the holes are seated."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.run.loop import RunResult
+from dualbend.evaluation.metrics import common_metrics, peak, surface_strain
+from dualbend.planning.plan import plan_assembly
+from dualbend.run.record import Metric, RunRecord
 from dualbend.scene.bed.config import HOLES
 from dualbend.types import SIDES, Vector
 
@@ -19,7 +21,7 @@ RESTING_WITHIN_M = 0.5e-3
 """A seated hole is at most this above what its sheet rests on."""
 
 
-def final_holes(result: RunResult) -> Vector:
+def final_holes(result: RunRecord) -> Vector:
     """Return (sheets, 4, 3): each hole from its pin's axis, x, y, and above its rest, z [m].
 
     Of a sheet that was not let go, where it was at the end of the run; of one that was never
@@ -38,7 +40,7 @@ def final_holes(result: RunResult) -> Vector:
     return holes
 
 
-def seated(result: RunResult) -> NDArray[np.bool_]:
+def seated(result: RunRecord) -> NDArray[np.bool_]:
     """Return which holes are seated (sheets, 4): around their pins, and resting, and let go."""
     assembly = result.scenario.assembly
     assert assembly is not None
@@ -49,7 +51,7 @@ def seated(result: RunResult) -> NDArray[np.bool_]:
     return np.asarray(around & (np.abs(holes[:, :, 2]) <= RESTING_WITHIN_M) & done)
 
 
-def phase_table(result: RunResult) -> list[dict[str, Any]]:
+def phase_table(result: RunRecord) -> list[dict[str, Any]]:
     """Return each phase in the order in which it was entered, with its time and peaks.
 
     ``peak_moment`` about the bending axis [N m] and ``peak_force`` [N] on either gripper,
@@ -87,7 +89,7 @@ def phase_table(result: RunResult) -> list[dict[str, Any]]:
     return table
 
 
-def hole_table(result: RunResult) -> list[dict[str, Any]]:
+def hole_table(result: RunRecord) -> list[dict[str, Any]]:
     """Return each hole's final offset from its pin's axis, height above its rest, and verdict."""
     verdict = seated(result)
     return [
@@ -105,20 +107,20 @@ def hole_table(result: RunResult) -> list[dict[str, Any]]:
     ]
 
 
-def pin_table(result: RunResult) -> list[dict[str, Any]]:
+def pin_table(result: RunRecord) -> list[dict[str, Any]]:
     """Return each pin's peak force, and the largest force of one contact at its hole's edge."""
     trace = result.trace
     return [
         {
             "pin": hole,
-            "peak_force_n": _peak(trace[f"pin_force_{hole}"]),
-            "peak_edge_force_n": _peak(trace[f"edge_force_{hole}"]),
+            "peak_force_n": peak(trace[f"pin_force_{hole}"]),
+            "peak_edge_force_n": peak(trace[f"edge_force_{hole}"]),
         }
         for hole in HOLES
     ]
 
 
-def middle_spacing(result: RunResult) -> float | None:
+def middle_spacing(result: RunRecord) -> float | None:
     """Return the distance along the chord of the two middle holes of the bent sheet [m].
 
     At the end of the first bending, before anything is touched; None where that was not reached.
@@ -138,6 +140,52 @@ def middle_spacing(result: RunResult) -> float | None:
     return float(np.sqrt(between[0] ** 2 + between[1] ** 2 - across**2))
 
 
-def _peak(values: Vector) -> float | None:
-    finite = values[np.isfinite(values)]
-    return float(finite.max()) if finite.size else None
+def metrics(result: RunRecord) -> dict[str, Metric]:
+    """Return the metrics of an assembly; forces and moments are those of all phases."""
+    phases, holes, pins = phase_table(result), hole_table(result), pin_table(result)
+    config, sheet = result.scenario.assembly, result.scenario.sheet.sheet()
+    assert config is not None
+    spacing = middle_spacing(result)
+    if spacing is not None:
+        plan = plan_assembly(sheet, config.layout.holes, config.layout.pins)
+        spacing -= plan.spacing_m(result.scenario.path.end_rad)
+    return {
+        "holes_seated": Metric(float(seated(result).sum()), "1"),
+        "worst_hole_offset": Metric(_largest(holes, "offset_m"), "m"),
+        "worst_hole_height": Metric(_largest(holes, "height_m"), "m"),
+        "peak_pin_force": Metric(_largest(pins, "peak_force_n"), "N"),
+        "peak_edge_force": Metric(_largest(pins, "peak_edge_force_n"), "N"),
+        "peak_moment": Metric(_largest(phases, "peak_moment_nm"), "N m"),
+        "peak_force": Metric(_largest(phases, "peak_force_n"), "N"),
+        "peak_surface_strain": Metric(peak(surface_strain(result)), "1"),
+        "yield_strain": Metric(result.scenario.limit_strain, "1"),
+        "middle_spacing_error": Metric(spacing, "m"),
+        "retries": Metric(
+            float(sum(p["attempt"] > 0 for p in phases if "lower" in p["phase"])), "1"
+        ),
+        **{k: v for k, v in common_metrics(result).items() if k != "ik_rotation_residual_max"},
+    }
+
+
+def _largest(rows: list[dict[str, Any]], key: str) -> float | None:
+    values = [row[key] for row in rows if row[key] is not None]
+    return max(abs(value) for value in values) if values else None
+
+
+def tables(result: RunRecord) -> dict[str, list[dict[str, Any]]]:
+    """Return the tables of phases, holes and pins."""
+    return {"phases": phase_table(result), "holes": hole_table(result), "pins": pin_table(result)}
+
+
+def peaks(result: RunRecord) -> dict[str, Vector]:
+    """Return the signal (rows,) of which each metric is the largest value, over all phases."""
+    trace = result.trace
+    forces = [[trace[f"{side}_true_force_{axis}"] for axis in "xyz"] for side in SIDES]
+    return {
+        "peak_moment": np.max([np.abs(trace[f"{side}_true_moment_y"]) for side in SIDES], axis=0),
+        "peak_force": np.max([np.linalg.norm(force, axis=0) for force in forces], axis=0),
+        "peak_pin_force": np.max([trace[f"pin_force_{hole}"] for hole in HOLES], axis=0),
+        "peak_edge_force": np.max([trace[f"edge_force_{hole}"] for hole in HOLES], axis=0),
+        "peak_surface_strain": surface_strain(result),
+        "ik_residual_max": np.abs(trace["ik_position"]),
+    }

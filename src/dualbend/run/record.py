@@ -1,0 +1,158 @@
+"""What a run left: one type, in memory when the run ends and read back from its folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import mujoco
+
+from dualbend.errors import InputError
+from dualbend.registry import TASKS, Task
+from dualbend.run.trace import Trace
+from dualbend.scenario.scenario import Scenario
+from dualbend.types import SIDES, Side, Vector
+
+TableRow = dict[str, str | float | bool | None]
+
+
+class Metric(msgspec.Struct, frozen=True):
+    """A value, or one a piece, and its unit; null where the run was too short to tell."""
+
+    value: float | list[float | None] | None
+    unit: str
+
+
+class Summary(msgspec.Struct, frozen=True, kw_only=True):
+    """``summary.json``: how the run ended and its numbers; ``tables`` are those of its task.
+
+    ``sheet`` and ``arms`` are as they were written; {} where the run's version did not.
+    """
+
+    scenario: str
+    seed: int
+    outcome: str
+    reason: str
+    controller: str = ""
+    versions: dict[str, str]
+    sheet: dict[str, Any] = {}
+    metrics: dict[str, Metric]
+    arms: dict[str, Any] = {}
+    tables: dict[str, list[TableRow]] = {}
+
+    @classmethod
+    def of_json(cls, text: bytes) -> Summary:
+        """Return the summary that ``summary.json`` holds; every list of objects is a table."""
+        raw = msgspec.json.decode(text, type=dict[str, Any])
+        tables = {k: v for k, v in raw.items() if k not in cls.__struct_fields__}
+        return msgspec.convert({**raw, "tables": tables}, cls)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what ``summary.json`` holds, the tables beside the other keys."""
+        found: dict[str, Any] = msgspec.to_builtins(self)
+        tables = found.pop("tables")
+        if not self.controller:
+            del found["controller"]
+        return {**found, **tables}
+
+
+def task_of(scenario: Scenario) -> Task:
+    """Return the task that a scenario asks for."""
+    return TASKS["bending" if scenario.assembly is None else "assembly"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """What only a run in memory has: the model with its looks, for pictures, and its stiffness.
+
+    ``bend_stiffness``: moment over bending angle at a place of bending [N m/rad].
+    """
+
+    model: mujoco.MjModel
+    bend_stiffness: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRecord:
+    """A run: what was asked, how it ended and why, one row per command cycle, its numbers.
+
+    Attributes
+    ----------
+    controller : name of the compliance that took the place of the scenario's own, if one did
+    laid : of each sheet of an assembly, (4, 3) as its holes lie over their pins [m]
+    scene : model and stiffness, of a run in memory
+    folder : from which the run was read back
+    known : its summary, where it was read back
+    """
+
+    scenario: Scenario
+    outcome: str
+    reason: str = ""
+    controller: str = ""
+    trace: Trace
+    simulated_s: float
+    wall_time_s: float
+    laid: tuple[Vector, ...] = ()
+    scene: Scene | None = None
+    folder: Path | None = None
+    known: Summary | None = None
+    model_sha256: str = ""
+
+    def __getitem__(self, name: str) -> Vector:
+        """Return one column of the trace (rows,)."""
+        return self.trace[name]
+
+    @property
+    def task(self) -> Task:
+        """The task that the run is of."""
+        return task_of(self.scenario)
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """Names of the phases, which the trace's column ``phase`` counts."""
+        return self.task.phases
+
+    @property
+    def expected(self) -> bool:
+        """The scenario allows this outcome."""
+        return self.outcome in self.scenario.expect.outcome
+
+    @property
+    def sensing_side(self) -> Side:
+        """The sensing arm that the summary speaks of: the left one where both sense."""
+        return next(side for side in SIDES if side in self.scenario.arms.sensing)
+
+    @cached_property
+    def summary(self) -> Summary:
+        """The numbers of the run: as they were written, or computed when first asked for."""
+        if self.known is not None:
+            return self.known
+        computed: Summary = self.task.part("summary")(self)
+        return computed
+
+    @cached_property
+    def metrics(self) -> dict[str, Metric]:
+        """The metrics of the run's task: as they were written, or computed when first asked for."""
+        if self.known is not None:
+            return self.known.metrics
+        computed: dict[str, Metric] = self.task.part("metrics")(self)
+        return computed
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model with its looks."""
+        return self._in_memory.model
+
+    @property
+    def bend_stiffness(self) -> float:
+        """Moment over bending angle at a place of bending [N m/rad]."""
+        return self._in_memory.bend_stiffness
+
+    @property
+    def _in_memory(self) -> Scene:
+        if self.scene is None:
+            raise InputError(f"{self.folder}: a run that was read back has no model: run it again")
+        return self.scene

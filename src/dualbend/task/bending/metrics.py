@@ -1,0 +1,123 @@
+"""The metrics of a bending run: moments and forces on the sensing arm while it bends."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dualbend.evaluation.metrics import (
+    bending_rows,
+    common_metrics,
+    finite,
+    oscillation_of,
+    peak,
+    peak_by_piece,
+    sensing_column,
+    surface_strain,
+)
+from dualbend.evaluation.peaks import common_peaks
+from dualbend.run.permanent_set import permanent_curvature
+from dualbend.run.record import Metric, RunRecord
+from dualbend.scenario.scenario import Scenario
+from dualbend.types import Vector
+
+_SET_UNITS = {
+    "permanent_curvature": "1/m",
+    "permanent_end_slope": "rad",
+    "curvature_before_release": "1/m",
+}
+"""Largest curvature that is kept; slope of the free sheet's ends; the largest it had there."""
+
+
+_OUT_OF_PLANE = {
+    "peak_lateral_force": "true_force_y",
+    "peak_twist_moment": "true_moment_x",
+    "peak_yaw_moment": "true_moment_z",
+}
+
+
+def metrics(result: RunRecord) -> dict[str, Metric]:
+    """Return the metrics of a run.
+
+    Moments and forces are true ones, of the sheet on the sensing arm about its gripper centre,
+    during bending.
+    """
+    rows = bending_rows(result)
+    moment = sensing_column(result, "true_moment_y")[rows]
+    force = np.hypot(
+        sensing_column(result, "true_force_x")[rows], sensing_column(result, "true_force_z")[rows]
+    )
+    oscillation, frequency, growth = oscillation_of(moment)
+    plastic = permanent_set(result) if result.scenario.sheet.plastic else {}
+    return {
+        **plastic,
+        "peak_moment": Metric(peak(moment), "N m"),
+        "rms_moment": Metric(finite(np.sqrt(np.mean(moment**2))) if moment.size else None, "N m"),
+        "peak_moment_by_piece": Metric([finite(p) for p in peak_by_piece(result)], "N m"),
+        "peak_force": Metric(peak(force), "N"),
+        **_out_of_plane(result),
+        "oscillation": Metric(oscillation, "N m"),
+        "oscillation_frequency": Metric(frequency, "Hz"),
+        "oscillation_growth": Metric(growth, "1/s"),
+        "peak_deviation_x": Metric(peak(sensing_column(result, "deviation_x")), "m"),
+        "peak_deviation_alpha": Metric(peak(sensing_column(result, "deviation_alpha")), "rad"),
+        "peak_surface_strain": Metric(peak(surface_strain(result)), "1"),
+        **common_metrics(result),
+    }
+
+
+def out_of_plane_columns(scenario: Scenario) -> dict[str, str]:
+    """Return the columns of the peaks that only misaligned grips have, by metric.
+
+    Components in the sensing arm's bending frame: across the sheet, and about x (inward, twist) and
+    z (up). Without misalignment they are rounding alone, and there are none.
+    """
+    return {} if scenario.misalignment is None else _OUT_OF_PLANE
+
+
+def _out_of_plane(result: RunRecord) -> dict[str, Metric]:
+    rows = bending_rows(result)
+    return {
+        name: Metric(peak(sensing_column(result, column)[rows]), "N" if "force" in name else "N m")
+        for name, column in out_of_plane_columns(result.scenario).items()
+    }
+
+
+def permanent_set(result: RunRecord) -> dict[str, Metric]:
+    """Return what a sheet that yields keeps at the end of the run, were it let go."""
+    kept = permanent_curvature(result)
+    sheet = result.scenario.sheet
+    if not kept.size:
+        return {name: Metric(None, unit) for name, unit in _SET_UNITS.items()}
+    last = np.abs(kept[-1])
+    strained = np.abs(result.trace.bends).max(axis=0) * sheet.strips.hinges / sheet.length_m
+    slope = float(abs(kept[-1].sum())) * sheet.length_m / sheet.strips.hinges / 2.0
+    numbers = (float(last.max()), slope, float(strained[np.argmax(last)]))
+    return {
+        name: Metric(finite(number), unit)
+        for (name, unit), number in zip(_SET_UNITS.items(), numbers, strict=True)
+    }
+
+
+def peaks(result: RunRecord) -> dict[str, Vector]:
+    """Return the signal (rows,) whose largest value each metric of a bending run is."""
+    trace, rows = result.trace, bending_rows(result)
+
+    def bending(values: Vector) -> Vector:
+        return np.where(rows, values, np.nan)
+
+    moment = bending(np.abs(sensing_column(result, "true_moment_y")))
+    force = np.hypot(sensing_column(result, "true_force_x"), sensing_column(result, "true_force_z"))
+    side = result.sensing_side
+    return {
+        "peak_moment": moment,
+        "peak_moment_by_piece": moment,
+        "peak_force": bending(force),
+        **{
+            name: bending(np.abs(sensing_column(result, column)))
+            for name, column in out_of_plane_columns(result.scenario).items()
+        },
+        "peak_deviation_x": np.abs(trace[f"{side}_deviation_x"]),
+        "peak_deviation_alpha": np.abs(trace[f"{side}_deviation_alpha"]),
+        "peak_surface_strain": surface_strain(result),
+        **common_peaks(result),
+    }
