@@ -294,9 +294,9 @@ def test_yield_and_grippers_end_the_range() -> None:
 
 def test_a_plan_solves_for_no_more_shapes_than_its_table(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
-    solve = assembly_shape._by_oracle
+    solve = assembly_shape._by_rod
     monkeypatch.setattr(
-        assembly_shape, "_by_oracle", lambda *given: (calls.append(given), solve(*given))[1]
+        assembly_shape, "_by_rod", lambda *given: (calls.append(given), solve(*given))[1]
     )
     other = dataclasses.replace(STRIP, thickness_m=0.00051)
     for clearance in (2e-4, 1e-4):

@@ -79,19 +79,19 @@ class HangingSheet:
 def hang(sheet: Sheet, alpha: float, *, weight: bool = True) -> HangingSheet:
     """Return the sheet whose grips are where the zero-moment path has them at α [rad].
 
-    With weight the shape and the loads are the oracle's (beam.rod.solve_symmetric), else, and
+    With weight the shape and the loads are the rod's (beam.rod.solve_symmetric), else, and
     below LOWEST_RAD, those of the closed form: there a hanging sheet that cannot stretch would
     be taut (P → −∞ as 1/α), but this one lies on a bed. For 0.5 mm aluminium of 0.4 m the weight
     lowers the holes against the middle by 0.02 mm and takes 1 % off their approach at 0.13 rad.
-    Raises InputError for α outside [0, HIGHEST_RAD], or where the oracle finds no state.
+    Raises InputError for α outside [0, HIGHEST_RAD], or where the rod has no state that is found.
     """
     within("end slope α [rad]", alpha, 0.0, HIGHEST_RAD)
     if weight and alpha >= LOWEST_RAD:
-        return _by_oracle(sheet, alpha)
+        return _by_rod(sheet, alpha)
     return _by_closed_form(sheet, alpha)
 
 
-def _by_oracle(sheet: Sheet, alpha: float) -> HangingSheet:
+def _by_rod(sheet: Sheet, alpha: float) -> HangingSheet:
     EI, L = sheet.bending_stiffness_nm2, sheet.length_m
     half = elastica.half_distance(alpha, L)
     state = rod.solve_symmetric(EI, L, alpha, half, sheet.weight_per_length_n_per_m)
@@ -145,7 +145,7 @@ def shape_family(sheet: Sheet) -> Callable[[float], HangingSheet]:
     The function returned raises what hang raises.
     """
     u = np.linspace(0.0, math.sqrt(HIGHEST_RAD - LOWEST_RAD), NODES)
-    shapes = [_by_oracle(sheet, min(LOWEST_RAD + float(v) ** 2, HIGHEST_RAD)) for v in u]
+    shapes = [_by_rod(sheet, min(LOWEST_RAD + float(v) ** 2, HIGHEST_RAD)) for v in u]
     scalars = [(h.rise_m, h.end_force_n * h.alpha_rad, h.end_moment_nm, h.strain) for h in shapes]
     rows = [
         np.concatenate([h.nodes.ravel(), h.rates[2], numbers])

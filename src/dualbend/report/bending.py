@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from dualbend.beam import elastica
-from dualbend.evaluation.sheet import no_oracle
+from dualbend.evaluation.sheet import no_theory
 from dualbend.report.data import (
     Line,
     Shape,
@@ -96,7 +96,7 @@ def moment_section(run: RunRecord, pictures: Pictures) -> Section:
     title = "Moment over bending angle"
     if not bending_rows(run).size:
         return Section(title=title, body=note(_NOT_BENT))
-    without = no_oracle(run.scenario)
+    without = no_theory(run.scenario)
     lines = nominal_lines(run) if without else [*nominal_lines(run), oracle_at_edges(run)]
     caption = (
         f"Moment on the {run.sensing_side} gripper about the bending axis. Raw and filtered: the "
@@ -186,7 +186,7 @@ def shape_section(run: RunRecord, pictures: Pictures) -> Section:
         "zero-moment elastica of the sheet's own end slope. The arms lag behind the nominal angle, "
         "which names each shape."
     )
-    elastic = not no_oracle(run.scenario)
+    elastic = not no_theory(run.scenario)
     if not elastic:
         caption += " The sheet may yield, the elastica does not: it is drawn to be compared with."
     worst = max(1e3 * shape.off_elastica_m for shape in found)

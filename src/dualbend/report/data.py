@@ -12,7 +12,7 @@ from dualbend.beam import elastica
 from dualbend.beam.rod import planar as rod
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.recorded_rod import recorded_rods
-from dualbend.evaluation.sheet import no_oracle
+from dualbend.evaluation.sheet import no_theory
 from dualbend.run.record import RunRecord
 from dualbend.scenario.path import make_path
 from dualbend.types import SIDES, Vector
@@ -89,7 +89,7 @@ def moment_lines(run: RunRecord) -> list[Line]:
 
 def nominal_lines(run: RunRecord) -> list[Line]:
     """Return the moments of :func:`moment_lines` and, unless the sheet may yield, the oracle's."""
-    predicted = [] if no_oracle(run.scenario) else [oracle_on_path(run)]
+    predicted = [] if no_theory(run.scenario) else [oracle_on_path(run)]
     return [*moment_lines(run), *predicted]
 
 
@@ -163,7 +163,7 @@ def shapes(run: RunRecord) -> list[Shape]:
     wanted = alpha.max() * np.arange(1, SHAPES + 1) / SHAPES
     at = np.minimum(np.searchsorted(alpha, wanted - 1e-9), rows.size - 1)
     chosen = rows[np.unique(at)]
-    if no_oracle(run.scenario):
+    if no_theory(run.scenario):
         return [_shape(run, row, None) for row in chosen.tolist()]
     return [
         _shape(run, row, state)

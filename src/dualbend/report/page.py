@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from dualbend.errors import InputError
-from dualbend.evaluation.sheet import no_oracle
+from dualbend.evaluation.sheet import no_theory
 from dualbend.report.assembly import holes_section, object_section, pins_section
 from dualbend.report.bending import (
     describe_peak,
@@ -148,7 +148,7 @@ def _side_by_side(
             "Moment at the sensing gripper over the bending angle, all on one scale; zooming one "
             "zooms all. The oracle knows no compliance: it is the moment on the nominal path. "
             + " ".join(
-                f"{name}: {without}" for run, name in bent if (without := no_oracle(run.scenario))
+                f"{name}: {without}" for run, name in bent if (without := no_theory(run.scenario))
             )
         )
         sections.append(

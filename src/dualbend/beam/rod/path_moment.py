@@ -1,4 +1,4 @@
-"""What a path does to the grippers: the worst moment on it, by the rod oracle."""
+"""The worst moment at the grippers on a bending path, by the rod between them."""
 
 import itertools
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from dualbend.errors import InputError
 class WorstMoment:
     """The largest |M| on a path [N m], and at which end slope [rad]; the same for each piece.
 
-    unsolved counts the sampled points that the oracle could not solve: they judge nothing.
+    unsolved counts the sampled points at which the rod was not solved: they are left out.
     """
 
     moment_nm: float
@@ -39,7 +39,7 @@ def worst_moment(
 ) -> WorstMoment:
     """Return the worst moment at the grippers where they follow a path exactly.
 
-    alpha_range [rad] is the part judged (all of it by default); weight adds the sheet's own,
+    alpha_range [rad] is the part evaluated (all of it by default); weight adds the sheet's own,
     stretch its axial compliance. Every piece is sampled, then the peak between the neighbours of
     its worst sample is found to 1e-6 rad. Raises InputError for a range off the path, or a path
     for a sheet of another length.

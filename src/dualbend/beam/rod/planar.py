@@ -1,4 +1,4 @@
-"""The oracle off the optimum: the rod between two grips that need not be on the zero-moment path.
+"""The reference solution in the plane: the rod between grips, on the zero-moment path or off it.
 
 In the planar frame (x right, z up) θ is the slope below the horizontal, positive at the left end:
 
@@ -24,7 +24,7 @@ from dualbend.beam.rod.state import (
     GripLoad,
     RodState,
     Scale,
-    describe,
+    dimensional_state,
     unsolved,
 )
 from dualbend.errors import InputError
@@ -160,7 +160,7 @@ def _flat_limit(scale: Scale, problem: ritz.Problem) -> RodState:
     """Return the flat rod as the limit of the zero-moment path: any P up to 4π² EI/L² would do."""
     unknowns = np.concatenate([np.zeros(problem.basis.modes), [math.pi**2, 0.0]])
     reason = "flat: P is indeterminate, the limit of the zero-moment path is given"
-    return replace(describe(scale, problem, unknowns), converged=True, reason=reason)
+    return replace(dimensional_state(scale, problem, unknowns), converged=True, reason=reason)
 
 
 def _refine(scale: Scale, problem: ritz.Problem, guess: RodState | None) -> RodState:
@@ -193,7 +193,7 @@ def _attempt(scale: Scale, problem: ritz.Problem, guess: RodState | None) -> Rod
         found = None if begin is None else ritz.newton(problem, begin)
         if found is None:
             continue
-        state = describe(scale, problem, found)
+        state = dimensional_state(scale, problem, found)
         if state.converged or state.residual > RESIDUAL_TOLERANCE:
             return state
         flagged = flagged or state

@@ -1,4 +1,4 @@
-"""The oracle in space: Kirchhoff's rod between two grips that need not lie in one plane.
+"""The reference solution in space: Kirchhoff's rod between two grips that lie in no one plane.
 
 With r(s) the centre line, R(s) = [t, d₂, d₃] the section's axes (t the tangent, d₂ across the
 sheet, d₃ its normal), n and m the force and moment that the part beyond s exerts on the part
@@ -116,7 +116,7 @@ def solve_space(
             break
         step = np.linalg.lstsq(jacobian, -residual, rcond=1e-11)[0]
         x = x + step * min(1.0, 5.0 / float(np.abs(step).max(initial=1e-300)))
-    return problem.describe(x)
+    return problem.dimensional_state(x)
 
 
 class _Problem(NamedTuple):
@@ -149,7 +149,7 @@ class _Problem(NamedTuple):
         )
         return np.hstack([(self.right.position_m - r) / self.length_m, skew])
 
-    def describe(self, x: FloatArray) -> SpaceState:
+    def dimensional_state(self, x: FloatArray) -> SpaceState:
         r, axes, load, middle = self.shoot(x[np.newaxis])
         return SpaceState(
             left=x * self.units,

@@ -142,7 +142,7 @@ def energy(problem: ritz.Problem, unknowns: FloatArray) -> float:
     return float(0.5 * bending + base.weights @ rest)
 
 
-def describe(scale: Scale, problem: ritz.Problem, unknowns: FloatArray) -> RodState:
+def dimensional_state(scale: Scale, problem: ritz.Problem, unknowns: FloatArray) -> RodState:
     """Give a solution its units, and judge it."""
     base, f, clamps = problem.basis, problem.fields(unknowns), problem.clamps
     p, v, L = float(unknowns[-2]), float(unknowns[-1]), scale.L

@@ -126,7 +126,7 @@ def _hold_by_servos(spec: mujoco.MjSpec, model: ArmModel) -> None:
 
 
 def held_weight_rows(poses: int = 10) -> Iterator[Row]:
-    """Judge the wrench at the grip for a known weight in ten poses, exact sensor.
+    """Check the wrench at the grip for a known weight in ten poses, exact sensor.
 
     The sensor's default resolution alone (0.05 N, 0.003 N m) would add up to 0.025 N and
     0.0045 N m at the grip per axis: more than the tolerance, and nothing that the chain could help.
