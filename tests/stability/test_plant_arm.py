@@ -52,11 +52,11 @@ def one_joint() -> tuple[CompliantArm, JointServo]:
     rows = [0, 2]
     arm = CompliantArm(
         joints=joints,
-        sent=np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]),
-        load=sheet,
-        carried=np.zeros((3, 3)),
-        read=sheet[rows],
-        read_mass=tool[rows],
+        deviation_jacobian=np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]),
+        stiffness=sheet,
+        mass=np.zeros((3, 3)),
+        stiffness_read=sheet[rows],
+        mass_read=tool[rows],
     )
     return arm, servo
 
@@ -107,9 +107,11 @@ def test_a_stiff_arm_in_small_steps_does_what_the_response_says() -> None:
             mass=1e6 * np.diag(arm.joints.feed_forward),
         )
         stiff = replace(arm, joints=joints)
-        inertia = (arm.read_mass @ arm.sent).astype(float)
+        inertia = (arm.mass_read @ arm.deviation_jacobian).astype(float)
         loops = [
-            SampledLoop(elements, arm.read @ arm.sent, (True, True), inertia, mover)
+            SampledLoop(
+                elements, arm.stiffness_read @ arm.deviation_jacobian, (True, True), inertia, mover
+            )
             for mover in (stiff, None)
         ]
         growth.append([loop.mode().growth_per_s for loop in loops])
@@ -143,5 +145,7 @@ def test_joints_that_nothing_moves_are_left_to_their_friction() -> None:
     arm = at.arms["single"]
     # Analytic: the joints' set-points do what is sent, and nothing else in the plane.
     np.testing.assert_allclose(
-        arm.joints.jacobian @ arm.joints.setpoint @ arm.sent, arm.sent, atol=1e-9
+        arm.joints.jacobian @ arm.joints.setpoint @ arm.deviation_jacobian,
+        arm.deviation_jacobian,
+        atol=1e-9,
     )

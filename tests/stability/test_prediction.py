@@ -121,7 +121,11 @@ def test_the_maps_boundary_is_the_loops() -> None:
                 load_scenario("fig9", [s.replace("np.float64(", "").rstrip(")") for s in settings])
             )
             # A larger gain of the filter is the same as a larger reading.
-            louder = replace(arm, read=margin * arm.read, read_mass=margin * arm.read_mass)
+            louder = replace(
+                arm,
+                stiffness_read=margin * arm.stiffness_read,
+                mass_read=margin * arm.mass_read,
+            )
             mode = SampledLoop(parts, at.loops["single"], acting, arm=louder).mode()
             # Discretisation-limited: the sweep's steps, second order.
             assert mode.spectral_radius == pytest.approx(1.0, abs=3e-5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import Literal
 
 import msgspec
@@ -179,16 +179,9 @@ def unstable_ranges(
         if (g < 0.0) != (h < 0.0):
             points.append((a + (b - a) * g / (g - h), 0.0))
         points.append((b, h))
-    ranges: list[tuple[float, float]] = []
-    begin: float | None = None
-    last = alphas_rad[0]
-    for alpha, growth in points:
-        if growth >= 0.0 and begin is None:
-            begin = alpha
-        elif growth < 0.0 and begin is not None:
-            ranges.append((begin, last))
-            begin = None
-        last = alpha
-    if begin is not None:
-        ranges.append((begin, last))
-    return tuple(ranges)
+    unstable = [
+        [alpha for alpha, _ in group]
+        for grows, group in groupby(points, key=lambda point: point[1] >= 0.0)
+        if grows
+    ]
+    return tuple((alphas[0], alphas[-1]) for alphas in unstable)

@@ -95,18 +95,9 @@ def parallel(parts: Iterable[StateSpace]) -> StateSpace:
     """Return systems side by side, each with its own input and output."""
     items = list(parts)
     a, b, c, d = (
-        _diagonal([getattr(item, name) for item in items]) for name in ("a", "b", "c", "d")
+        linalg.block_diag(*(getattr(item, name) for item in items)) for name in ("a", "b", "c", "d")
     )
     return StateSpace(a=a, b=b, c=c, d=d)
-
-
-def _diagonal(matrices: list[Vector]) -> Vector:
-    """Return matrices, also empty ones, along the diagonal of one."""
-    rows, columns = np.cumsum([(0, 0), *(m.shape for m in matrices)], axis=0).T
-    whole = np.zeros((rows[-1], columns[-1]))
-    for i, matrix in enumerate(matrices):
-        whole[rows[i] : rows[i + 1], columns[i] : columns[i + 1]] = matrix
-    return whole
 
 
 def rational(transfer: TransferFunction, z_inverse: ComplexVector) -> ComplexVector:

@@ -126,13 +126,13 @@ def _arms(
     return {
         mode: CompliantArm(
             joints=joints,
-            sent=coupling.deviation_jacobian,
-            load=load,
-            carried=masses[mode][0],
-            read=coupling.reading @ response,
-            read_mass=coupling.reading @ (tool + masses[mode][1]),
+            deviation_jacobian=coupling.deviation_jacobian,
+            stiffness=own,
+            mass=masses[mode][0],
+            stiffness_read=coupling.reading @ response,
+            mass_read=coupling.reading @ (tool + masses[mode][1]),
         )
-        for mode, (load, response) in coupling.modes(stiffness).items()
+        for mode, (own, response) in coupling.modes(stiffness).items()
     }
 
 

@@ -8,7 +8,7 @@ there the holds are opened without gravity, and each hinge keeps what its larges
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -122,14 +122,7 @@ def springback_rows() -> Iterator[Row]:
 def laminate_rows() -> Iterator[Row]:
     """Compare the end force of copper-clad strips with the rod of 1/d11."""
     sheet, whole = clad_sheet()
-    elastic = Sheet(
-        length_m=0.4,
-        width_m=sheet.width_m,
-        thickness_m=sheet.thickness_m,
-        young_pa=sheet.young_pa,
-        poisson_ratio=sheet.poisson_ratio,
-        density_kg_per_m3=sheet.density_kg_per_m3,
-    )
+    elastic = replace(sheet, length_m=0.4, plasticity=None)
     path, alphas = ExactPath(elastic.length_m, 1.0), np.array([0.3, 1.0])
     found = settled_loads(elastic, 20, path, alphas, weight=True).force_n
     wanted = reference_loads(elastic, path, alphas, weight=True).force_n

@@ -1,4 +1,4 @@
-"""Write docs/witnesses.md from the rows that ``pytest -m witness`` left."""
+"""Write docs/cross-checks.md from the rows that ``pytest -m cross_check`` left."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from witness_rows import ROOT, ROWS_FILE
+from cross_check_rows import ROOT, ROWS_FILE
 
-PAGE = ROOT / "docs" / "witnesses.md"
+PAGE = ROOT / "docs" / "cross-checks.md"
 
-HEAD = "| quantity | points | this project | theory | witness | unit | less project | less theory |"
+HEAD = (
+    "| quantity | points | this project | theory | other code | unit | less project | less theory |"
+)
 
 
 def number(value: float | None) -> str:
@@ -31,7 +33,7 @@ def percent(value: float | None) -> str:
 
 
 def size(row: dict[str, Any]) -> float:
-    """Return by how much a row's witness differs from whatever it is compared with."""
+    """Return by how much a row's cross-check differs from whatever it is compared with."""
     return max(
         (abs(row[k]) for k in ("difference", "from_theory") if row[k] is not None), default=0
     )
@@ -59,7 +61,7 @@ def line(row: dict[str, Any], points: str) -> str:
 
 
 def short(run: dict[str, Any]) -> Iterator[str]:
-    """Yield one row for each quantity of a run: the point where the witness differs most."""
+    """Yield one row for each quantity of a run: the point where the cross-check differs most."""
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in run["rows"]:
         groups.setdefault(row["quantity"], []).append(row)
@@ -73,10 +75,10 @@ def heading(run: dict[str, Any], *, times: bool) -> str:
     """Return the row that begins a run, with the time that each took."""
     took = run["seconds"]
     parts = [
-        f"{who} {_rounded(took[who])} s" for who in ("project", "theory", "witness") if who in took
+        f"{who} {_rounded(took[who])} s" for who in ("project", "theory", "other") if who in took
     ]
     told = f" ({', '.join(parts)})" if times and parts else ""
-    return f"| **{run['witness']}: {run['name']}**{told} |" + " |" * 7
+    return f"| **{run['code']}: {run['name']}**{told} |" + " |" * 7
 
 
 def _rounded(value: float) -> str:
@@ -108,7 +110,7 @@ def page(content: dict[str, Any]) -> Iterator[str]:
 def main() -> int:
     """Replace what stands between the marks of the page."""
     if not ROWS_FILE.exists():
-        print(f"{ROWS_FILE} is not there: run pytest -m witness first", file=sys.stderr)
+        print(f"{ROWS_FILE} is not there: run pytest -m cross_check first", file=sys.stderr)
         return 1
     content = json.loads(ROWS_FILE.read_text(encoding="utf-8"))
     begin, end = "<!-- table -->\n", "<!-- end -->"
