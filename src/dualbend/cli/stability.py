@@ -1,4 +1,4 @@
-"""Commands that tell the admittance loop before it runs: stability, tune."""
+"""Commands that predict the stability of the admittance loop, and tune it: stability, tune."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def _show_prediction(prediction: Prediction) -> None:
         )
     missed = [f"{row.alpha_rad:.2f}" for row in prediction.rows if not row.at_rest]
     if missed:
-        click.echo(f"no state of rest found, judged at the path's poses: {', '.join(missed)} rad")
+        click.echo(f"no equilibrium found, evaluated at the path's poses: {', '.join(missed)} rad")
     softened = max(row.softening_x for row in prediction.rows)
     click.echo(f"arms and grasps lower the stiffness along x by up to {100 * softened:.1f} %")
     for low, high in prediction.unstable_rad:
@@ -183,8 +183,8 @@ def tune(
 
     if settings and out is not None:
         raise InputError("--out writes what differs from SCENARIO itself: put --set into a file")
-    least = Margin(gain_db=gain_margin, phase_deg=phase_margin)
-    found = search(load_scenario(scenario, settings), least=least, seeds=range(1, seeds + 1))
+    required = Margin(gain_db=gain_margin, phase_deg=phase_margin)
+    found = search(load_scenario(scenario, settings), required=required, seeds=range(1, seeds + 1))
     config = found.found.compliance
     for name, axis in (("x", config.x), ("rotation", config.rotation)):
         if axis is not None:
@@ -202,6 +202,6 @@ def tune(
     if out is not None:
         write_scenario(found, scenario, out)
         click.echo(f"{out}: run it with dualbend run {out}")
-    if not found.verified.fulfils(least):
+    if not found.verified.fulfils(required):
         click.echo("dualbend: the margins of the result are below those asked for", err=True)
         sys.exit(EXIT_FAILED_CHECK)

@@ -34,13 +34,13 @@ def controller_system(
     admittance
         What runs; its last deviations and the model of its own motion are states.
     alpha_rad
-        Where its tables are read.
+        Where its tables are evaluated.
     acting
         Axes that take part; the other one's deviation is 0.
     actuator
         One axis from the deviation sent to position and acceleration as old as a reading.
     low_pass
-        What the model's readings are filtered with.
+        The filter of the model's readings.
     """
     point = admittance.point(alpha_rad)
     leads = parallel(

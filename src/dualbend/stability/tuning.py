@@ -46,14 +46,14 @@ _ANGLE_STEP_RAD = 0.1
 
 
 class Margin(msgspec.Struct, frozen=True, kw_only=True):
-    """The least margins along the path: gain [dB], phase [degrees]; both −inf where unstable."""
+    """The smallest margins along the path: gain [dB], phase [degrees]; both −inf where unstable."""
 
     gain_db: float
     phase_deg: float
 
-    def fulfils(self, least: Margin) -> bool:
+    def fulfils(self, required: Margin) -> bool:
         """Neither is below what is required."""
-        return self.gain_db >= least.gain_db and self.phase_deg >= least.phase_deg
+        return self.gain_db >= required.gain_db and self.phase_deg >= required.phase_deg
 
 
 class Candidate(msgspec.Struct, frozen=True, kw_only=True):
@@ -70,10 +70,10 @@ class Candidate(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Tuning(msgspec.Struct, frozen=True, kw_only=True):
-    """What a search found, and what the simulation made of it.
+    """The result of a search, and of the simulation with it.
 
     ``without``: predicted peaks by piece without compliance; ``simulated``: peaks by piece, one row
-    a seed; ``verified``: the margins that `dualbend stability` tells of the result.
+    per seed; ``verified``: the margins that `dualbend stability` predicts for the result.
     """
 
     scenario: Scenario
@@ -87,21 +87,21 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
 def tune(
     scenario: Scenario,
     *,
-    least: Margin,
+    required: Margin,
     seeds: Sequence[int] = (1, 2, 3),
     on_try: Callable[[Candidate], None] | None = None,
 ) -> Tuning:
     """Search the time constants of a scenario's compliance.
 
     The scenario's own compliance is the start where it has a schedule, else `BEYOND_THE_PAPER`.
-    b of both axes and the leads that are given are changed one after the other by factors; what
-    has less than the required margins is not taken.
+    b of both axes and the leads that are given are changed one after the other by factors; gains
+    with less than the required margins are not taken.
 
     Raises InputError where not even slower gains have the required margins.
     """
     compliance = scenario.compliance if scenario.compliance.schedule else BEYOND_THE_PAPER
     start = msgspec.structs.replace(scenario, compliance=compliance)
-    search = _Search(start, least, seeds, on_try)
+    search = _Search(start, required, seeds, on_try)
     found = search.run()
     tuned = msgspec.structs.replace(
         start, name=f"{scenario.name}-tuned", compliance=found.compliance
@@ -128,20 +128,20 @@ def _simulated(scenario: Scenario, seed: int) -> tuple[float, ...]:
 
 
 class _Search:
-    """Change one gain after the other as long as that helps."""
+    """Coordinate search: change one gain after the other as long as the cost falls."""
 
     def __init__(
         self,
         scenario: Scenario,
-        least: Margin,
+        required: Margin,
         seeds: Sequence[int],
         on_try: Callable[[Candidate], None] | None,
     ) -> None:
-        self.scenario, self.least, self.tried = scenario, least, 0
+        self.scenario, self.required, self.tried = scenario, required, 0
         self.path = PathPrediction(scenario)
         self.noises = [self.path.noise(seed) for seed in seeds]
         self._on_try = on_try
-        # Of the start's gains: with a force reference the state of rest hardly depends on them.
+        # Of the start's gains: with a force reference the equilibrium hardly depends on them.
         first, last = scenario.path.start_rad, scenario.path.end_rad
         count = math.ceil((last - first) / _ANGLE_STEP_RAD) + 1
         angles = sorted({*np.linspace(first, last, count).tolist(), min(first + 0.05, last)})
@@ -158,7 +158,7 @@ class _Search:
                 for name in knobs:
                     for by in (1.0 / factor, factor):
                         tried = self._try(_turned(best.compliance, name, by))
-                        if tried and tried.margin.fulfils(self.least) and tried.cost < best.cost:
+                        if tried and tried.margin.fulfils(self.required) and tried.cost < best.cost:
                             best, better = tried, True
                             break
         return best
@@ -168,23 +168,23 @@ class _Search:
         compliance = self.scenario.compliance
         for _ in range(12):
             tried = self._try(compliance)
-            if tried is not None and tried.margin.fulfils(self.least):
+            if tried is not None and tried.margin.fulfils(self.required):
                 return tried
             for name, value in _knobs(compliance).items():
                 if value is not None:
                     compliance = _turned(compliance, name, _STEPS[0]) or compliance
         raise InputError(
-            f"no gains have {self.least.gain_db:g} dB and {self.least.phase_deg:g} degrees of "
-            "margin along this path; ask for less or let the compliance begin later"
+            f"no gains have {self.required.gain_db:g} dB and {self.required.phase_deg:g} degrees "
+            "of margin along this path; ask for less or let the compliance begin later"
         )
 
     def _try(self, compliance: AdmittanceConfig | None) -> Candidate | None:
         if compliance is None:
             return None
         scenario = msgspec.structs.replace(self.scenario, compliance=compliance)
-        margin = least_margin(scenario, self._places)
+        margin = min_margin(scenario, self._places)
         peaks: tuple[float, ...] = ()
-        if margin.fulfils(self.least):
+        if margin.fulfils(self.required):
             each = [self.path.peaks(make_admittance(scenario), noise) for noise in self.noises]
             peaks = tuple(np.mean(each, axis=0).tolist())
         self.tried += 1
@@ -194,8 +194,8 @@ class _Search:
         return candidate
 
 
-def least_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
-    """Return the least margins of the sampled loop at places of the path."""
+def min_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
+    """Return the smallest margins of the sampled loop at places of the path."""
     elements = LoopElements.from_scenario(scenario)
     gain, phase = math.inf, math.inf
     for at in places:

@@ -38,8 +38,8 @@ def gripped_strips(
 ) -> mujoco.MjModel:
     """Return the sheet alone, its edges welded to two bodies that are moved at will.
 
-    ``weld_arm_m`` is the length at which the weld weighs a turn against a way: a longer one gives
-    way less to torques.
+    ``weld_arm_m`` is the length by which the weld weighs a turn against a displacement: with a
+    longer one it yields less to torques.
     """
     spec = empty_scene(step_s, weight=weight)
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE

@@ -113,7 +113,7 @@ def cylindrical_rows() -> Iterator[Row]:
     """Compare force and moment with the rod of rigidity D w, on and off the zero-moment path.
 
     With ν = 0 bending is cylindrical at any width, and the shipped mesh alone differs; with the
-    shipped ν the sheet is wide, and what its free edges give way is within the error.
+    shipped ν the sheet is wide, and how far its free edges yield is within the error.
     """
     shipped, _ = default_sheet()
     cases = (
@@ -232,7 +232,7 @@ def twist_over_rod(sheet: Sheet, config: ShellConfig) -> tuple[float, Vector]:
         bent = hinge.stiffness * float(weights @ settled.vertices[columns, rows, 2])
         np.add.at(force, (columns, rows), -bent * weights)
     torque = force[:2].sum(axis=0) * settled.vertices[0, :, 1]
-    # As the edges stand: the welds of the ideal grips give way by some per cent of the angle.
+    # As the edges stand: the welds of the ideal grips yield by some per cent of the angle.
     edges = settled.vertices[[0, -1]]
     tilts = (edges[:, -1, 2] - edges[:, 0, 2]) / sheet.width_m
     expected = sheet.torsional_stiffness_nm2 * (tilts[1] - tilts[0]) / sheet.length_m

@@ -93,7 +93,7 @@ def twisted_between_ideal_grips(
     roll_right_grip(model, data, roll_rad, round(_RAMP_S / _STEP_S))
     mujoco.mj_step(model, data, nstep=round(_REST_S / _STEP_S))
     mujoco.mj_forward(model, data)
-    # Where the edges are: a weld of MuJoCo's gives way by a few per cent of such a small torque.
+    # Where the edges are: a weld of MuJoCo's yields by a few per cent of such a small torque.
     edges = [data.site(name) for name in (LEFT_END, RIGHT_END)]
     axes = [edge.xmat.reshape(3, 3) for edge in edges]
     left = SpaceGrip(edges[0].xpos.copy(), axes[0].copy())
@@ -175,37 +175,24 @@ def bent_rows() -> Iterator[Row]:
             yield worst(what, found[:, i], wanted[:, i], unit, LATERAL_TOLERANCE, scale)
 
 
-def flat_compliance(result: RunRecord, *, in_plane: bool) -> Vector:
-    """Return the compliance (2, 2) of pads and flat sheet to y [m] and yaw [rad] of the right edge.
-
-    Both pads in series with the clamped strip: lateral L³/3EI_z, L²/2EI_z, L/EI_z, or nothing
-    where the sheet does not give in its plane, as the strips do not.
-    """
-    scenario = result.scenario
-    L, grasp = scenario.sheet.length_m, scenario.grasp
-    pad = [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad]
-    carried = np.array([[1.0, L], [0.0, 1.0]])
-    total = endpoint_compliance(np.hstack([np.eye(2), carried]), [*pad, *pad])
-    if in_plane:
-        flexible = 1.0 / RodStiffness.of(scenario.sheet.sheet()).lateral_nm2
-        total += flexible * np.array([[L**3 / 3.0, L**2 / 2.0], [L**2 / 2.0, L]])
-    return total
-
-
-def flat_loads(result: RunRecord, row: int, *, in_plane: bool = False) -> Vector:
+def flat_loads(result: RunRecord, row: int) -> Vector:
     """Return lateral force [N] and moment about z [N m] on the right gripper, flat, by theory.
 
-    The grips are where the trace says; dry friction in the joints may hold the arms or not.
+    Both pads are in series; the strips are rigid in the sheet's plane. The grips are where the
+    trace says; dry friction in the joints may hold the arms or not.
     """
     errors = result.scenario.misalignment
     assert errors is not None
     left, right = edge_grips(result, row, "grip")
     lateral, _, yaw = errors.errors()[1]
-    L = result.scenario.sheet.length_m
+    L, grasp = result.scenario.sheet.length_m, result.scenario.grasp
+    pad = [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad]
     turned = [math.atan2(g.axes[1, 0], g.axes[0, 0]) for g in (left, right)]
     across = -lateral + right.position_m[1] - left.position_m[1] - L * turned[0]
     gap = np.array([across, yaw + turned[1] - turned[0]])
-    on_sheet = np.linalg.solve(flat_compliance(result, in_plane=in_plane), gap)
+    # Of y [m] and yaw [rad] at the right edge.
+    compliance = endpoint_compliance([[1.0, 0.0, 1.0, L], [0.0, 1.0, 0.0, 1.0]], [*pad, *pad])
+    on_sheet = np.linalg.solve(compliance, gap)
     # On the gripper it is the opposite, and the right bending frame's y is minus the world's.
     return np.array([on_sheet[0], -on_sheet[1]])
 
