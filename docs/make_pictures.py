@@ -13,21 +13,18 @@ import mujoco
 import numpy as np
 from matplotlib.figure import Figure
 
-from dualbend.run.loop import RunResult
-from dualbend.scenario.load import load_scenario
-from dualbend.scenario.motion import PHASES
-from dualbend.task.bending.run import BendingRun
+from dualbend import RunRecord, load_scenario, make_run
 
 mpl.use("Agg")
 FOLDER = Path(__file__).parent / "images"
 
 
-def run(name: str) -> RunResult:
+def run(name: str) -> RunRecord:
     """Run a shipped scenario."""
-    return BendingRun(load_scenario(name)).run()
+    return make_run(load_scenario(name)).run()
 
 
-def picture_of_cell(result: RunResult, alpha_rad: float, width: int, height: int) -> np.ndarray:
+def picture_of_cell(result: RunRecord, alpha_rad: float, width: int, height: int) -> np.ndarray:
     """Render the cell at the first cycle whose nominal angle is ``alpha_rad``."""
     row = int(np.searchsorted(result.trace["nominal_alpha"], alpha_rad))
     data = mujoco.MjData(result.model)
@@ -56,7 +53,7 @@ def main() -> None:
     }
     for axes, (name, title) in zip(bottom.subplots(1, 3), titles.items(), strict=True):
         trace = results[name].trace
-        rows = trace["phase"] == PHASES.index("bend")
+        rows = trace["phase"] == results[name].phases.index("bend")
         alpha = trace["nominal_alpha"][rows]
         axes.plot(alpha, 1e3 * trace["left_measured_moment_y"][rows], color="0.8", linewidth=0.6)
         axes.plot(alpha, 1e3 * trace["left_true_moment_y"][rows], color="tab:blue")

@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 import dualbend
+from support.scripts import load_script
 
 PACKAGE = Path(dualbend.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
-FOUNDATION = ("errors", "types", "resources", "registry")
+FOUNDATION = ("errors", "types", "resources", "registry", "table")
 ROOMS = (
     *FOUNDATION,
     "beam",
@@ -33,14 +34,18 @@ ROOMS = (
     "check",
     "validation",
     "cli",
+    "__main__",
 )
 """Each imports only from those before it."""
 HOMES = {
     "mink": "scene/ik.py",
     "rerun": ("recording/", "task/"),
-    "matplotlib": ("report/figures", "study/"),
-    "bokeh": "report/plots.py",
-    "contourpy": "report/plots.py",
+    "matplotlib": ("report/figures.py", "study/"),
+    "bokeh": "report/bokeh.py",
+    "contourpy": "report/stability_map.py",
+    "jinja2": "report/template.py",
+    "markdown_it": "report/template.py",
+    "trimesh": "arm/meshes.py",
 }
 NO_MUJOCO = ("beam", "control", "planning")
 
@@ -161,3 +166,16 @@ def test_lazy_libraries_are_not_loaded_by_the_loop() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_contributing_draws_the_packages_as_they_are() -> None:
+    """All but the counts of lines, which change every day: ``python docs/house.py``."""
+    house = load_script(Path(__file__).parents[1] / "docs" / "house.py")
+    drawn = house.BETWEEN.search(house.PAGE.read_text(encoding="utf-8"))
+    assert drawn is not None
+
+    def without_lines(table: str) -> list[list[str]]:
+        cells = [row.split(" | ") for row in table.splitlines()]
+        return [[*row[:2], *row[3:]] for row in cells]
+
+    assert without_lines(drawn[0]) == without_lines(house.table())

@@ -141,3 +141,10 @@ def test_every_option_of_a_command_says_what_it_does() -> None:
     for name, command in main.commands.items():
         for option in command.params:
             assert not isinstance(option, click.Option) or option.help, f"{name}: {option.name}"
+
+
+def test_the_package_run_as_a_module_is_the_command_line() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "dualbend", "--help"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("Usage: python -m dualbend")

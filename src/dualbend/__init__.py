@@ -1,37 +1,97 @@
 """Two position-controlled arms bend a flexible sheet, on validated beam physics.
 
-What a script needs is here; it is imported when it is asked for.
+All that a script needs is here, each name imported when it is asked for; ``docs/api.md`` says what
+each one is.
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dualbend.beam import elastica
+    from dualbend.beam.path import (
+        ApproximatePath,
+        BendingPath,
+        ExactPath,
+        PiecewiseLinearPath,
+        TablePath,
+    )
+    from dualbend.beam.rod.path_moment import worst_moment
+    from dualbend.beam.rod.planar import solve_planar, solve_symmetric
+    from dualbend.beam.sheet import Sheet
+    from dualbend.control.clock import COMMAND_PERIOD_S
     from dualbend.control.compliance.admittance import Deviation
+    from dualbend.control.compliance.object import critical_rate
     from dualbend.errors import InputError
+    from dualbend.planning.plan import plan_assembly
+    from dualbend.registry import TASKS, Task
     from dualbend.report.results import write_results
+    from dualbend.run.arms import arm_pair
     from dualbend.run.make import make_run
+    from dualbend.run.record import RunRecord
     from dualbend.run.saved import load_run
-    from dualbend.scenario.load import load_scenario
-    from dualbend.task.bending.run import BendingRun
+    from dualbend.scenario.load import list_scenarios, load_scenario
+    from dualbend.scenario.scenario import Scenario
+    from dualbend.stability.prediction import predict
+    from dualbend.stability.sampled import LoopElements
 
 __all__ = [
-    "BendingRun",
+    "COMMAND_PERIOD_S",
+    "TASKS",
+    "ApproximatePath",
+    "BendingPath",
     "Deviation",
+    "ExactPath",
     "InputError",
+    "LoopElements",
+    "PiecewiseLinearPath",
+    "RunRecord",
+    "Scenario",
+    "Sheet",
+    "TablePath",
+    "Task",
+    "arm_pair",
+    "critical_rate",
+    "elastica",
+    "list_scenarios",
     "load_run",
     "load_scenario",
     "make_run",
+    "plan_assembly",
+    "predict",
+    "solve_planar",
+    "solve_symmetric",
+    "worst_moment",
     "write_results",
 ]
 
 _HOMES = {
-    "BendingRun": "task.bending.run",
+    "COMMAND_PERIOD_S": "control.clock",
+    "TASKS": "registry",
+    "ApproximatePath": "beam.path",
+    "BendingPath": "beam.path",
     "Deviation": "control.compliance.admittance",
+    "ExactPath": "beam.path",
     "InputError": "errors",
+    "LoopElements": "stability.sampled",
+    "PiecewiseLinearPath": "beam.path",
+    "RunRecord": "run.record",
+    "Scenario": "scenario.scenario",
+    "Sheet": "beam.sheet",
+    "TablePath": "beam.path",
+    "Task": "registry",
+    "arm_pair": "run.arms",
+    "critical_rate": "control.compliance.object",
+    "elastica": "beam.elastica",
+    "list_scenarios": "scenario.load",
     "load_run": "run.saved",
     "load_scenario": "scenario.load",
     "make_run": "run.make",
+    "plan_assembly": "planning.plan",
+    "predict": "stability.prediction",
+    "solve_planar": "beam.rod.planar",
+    "solve_symmetric": "beam.rod.planar",
+    "worst_moment": "beam.rod.path_moment",
     "write_results": "report.results",
 }
 
@@ -40,4 +100,5 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401 - whatever the name stands fo
     """Import a public name from its home: the command line's help must not wait for MuJoCo."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    home = importlib.import_module(f"{__name__}.{_HOMES[name]}")
+    return home if _HOMES[name].endswith(f".{name}") else getattr(home, name)

@@ -35,7 +35,7 @@ class Task:
     tables : ``(record) -> dict[str, list[dict]]`` beside the metrics in ``summary.json``
     peaks : ``(record) -> dict[str, (rows,)]``, the signal of which a metric is the largest value
     tolerances : ``{metric: (kind, size, size where the value is 0, reason)}`` of a new baseline
-    report : ``(record, pictures, time_range) -> list[Section | None]`` of the report
+    report : ``(record) -> list[Section | None]`` of the report
     recording : :class:`dualbend.recording.layers.Layers` of the recording and the pictures
     """
 

@@ -1,6 +1,8 @@
-"""The arms of the package: their mechanics against a recursion, and that their data arrived."""
+"""The arms from URDFs: their mechanics against the files' own, and that their data arrived."""
 
 import math
+import subprocess
+import sys
 from pathlib import Path
 from typing import get_args
 
@@ -9,14 +11,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dualbend.arm import collada, urdf
-from dualbend.arm import urdf_model as urdf_arm
-from dualbend.arm.catalog import JOINT_COUNT, PACKAGE, URDF_ARMS, ArmName, arm_name
+from dualbend.arm import meshes
+from dualbend.arm.catalog import JOINT_COUNT, PACKAGE, URDF_ARMS, ArmName, UrdfFacts, arm_name
 from dualbend.arm.chain import serial_chain
 from dualbend.arm.mjcf import FLANGE_SITE, GRIP_SITE, with_gripper
 from dualbend.arm.model import SERVO_HZ, arm_model, rule_stiffness, scene_joints
+from dualbend.arm.urdf import UrdfFile, package_folder
 from dualbend.errors import InputError
-from dualbend.validation import urdf_dynamics as dynamics
+from dualbend.validation.lagrange import SerialArm
+from dualbend.validation.urdf import equations_of
 
 Array = NDArray[np.float64]
 NAMES: tuple[ArmName, ...] = tuple(URDF_ARMS)
@@ -31,6 +34,12 @@ def compiled(name: ArmName) -> mujoco.MjModel:
     return arm_model(name).spec(looks=False).compile()
 
 
+def equations(name: ArmName) -> SerialArm:
+    urdf = arm_model(name).urdf
+    assert urdf is not None
+    return equations_of(urdf)
+
+
 def relative(found: Array, wanted: Array) -> float:
     return float(np.abs(found - wanted).max() / np.abs(wanted).max())
 
@@ -40,13 +49,13 @@ def test_the_table_has_every_name_once() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_flange_is_the_recursions(name: ArmName) -> None:
-    model, chain = compiled(name), urdf_arm.urdf_chain(name)
+def test_the_flange_is_the_files(name: ArmName) -> None:
+    model, wanted_of = compiled(name), equations(name)
     data = mujoco.MjData(model)
     for q in random_configurations(name, 5):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
-        wanted = dynamics.flange_pose(chain, q)
+        wanted = wanted_of.flange_pose(q)
         flange = data.site(FLANGE_SITE)
         # Analytic: rounding of some ten products.
         np.testing.assert_allclose(flange.xpos, wanted[:3, 3], atol=1e-9)
@@ -54,8 +63,8 @@ def test_the_flange_is_the_recursions(name: ArmName) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_mass_matrix_is_the_recursions_symmetric_and_positive(name: ArmName) -> None:
-    model, chain = compiled(name), urdf_arm.urdf_chain(name)
+def test_the_mass_matrix_is_the_files_symmetric_and_positive(name: ArmName) -> None:
+    model, wanted_of = compiled(name), equations(name)
     data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     for q in random_configurations(name, 3):
         data.qpos[:] = q
@@ -64,41 +73,41 @@ def test_the_mass_matrix_is_the_recursions_symmetric_and_positive(name: ArmName)
         np.testing.assert_array_equal(mass, mass.T)
         # The links alone weigh something in every direction, without the rotors' help.
         assert np.linalg.eigvalsh(mass - np.diag(arm_model(name).armature_kg_m2)).min() > 0.0
-        wanted = dynamics.mass_matrix(chain, q) + np.diag(arm_model(name).armature_kg_m2)
+        wanted = wanted_of.mass_matrix(q) + np.diag(arm_model(name).armature_kg_m2)
         assert relative(mass, wanted) < 1e-9  # analytic
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_gravity_and_coriolis_torques_are_the_recursions(name: ArmName) -> None:
-    model, chain = compiled(name), urdf_arm.urdf_chain(name)
+def test_gravity_and_coriolis_torques_are_the_files(name: ArmName) -> None:
+    model, wanted_of = compiled(name), equations(name)
     data, rng = mujoco.MjData(model), np.random.default_rng(6)
     for q in random_configurations(name, 3):
         data.qpos[:], data.qvel[:] = q, rng.standard_normal(model.nv)
         mujoco.mj_forward(model, data)
-        wanted = dynamics.inverse_dynamics(chain, q, data.qvel, np.zeros(model.nv))
+        wanted = wanted_of.gravity_torque(q) + wanted_of.velocity_torque(q, data.qvel)
         assert relative(data.qfrc_bias, wanted) < 1e-9  # analytic
 
 
-def test_the_recursion_knows_power() -> None:
+def test_the_equations_know_power() -> None:
     """The work of the torques is the change of kinetic and potential energy, at any motion."""
-    chain, rng = urdf_arm.urdf_chain("panda"), np.random.default_rng(8)
+    arm, rng = equations("panda"), np.random.default_rng(8)
     q, rate, acceleration = rng.uniform(-1.0, 0.0, (3, 7))
 
     def kinetic(at: Array, speed: Array) -> float:
-        return float(0.5 * speed @ dynamics.mass_matrix(chain, at) @ speed)
+        return float(0.5 * speed @ arm.mass_matrix(at) @ speed)
 
     def potential(at: Array) -> float:
-        frames = dynamics.link_frames(chain, at)[1:]
         return 9.81 * sum(
             link.mass_kg * float((frame[:3, :3] @ link.centre_m + frame[:3, 3])[2])
-            for link, frame in zip(chain.links, frames, strict=True)
+            for link, frame in zip(arm.links, arm.frames(at)[1:], strict=True)
         )
 
     h = 1e-5
     ahead, back = (
         kinetic(q + s * rate, rate + s * acceleration) + potential(q + s * rate) for s in (h, -h)
     )
-    power = dynamics.inverse_dynamics(chain, q, rate, acceleration) @ rate
+    torque = arm.mass_matrix(q) @ acceleration + arm.velocity_torque(q, rate)
+    power = (torque + arm.gravity_torque(q)) @ rate
     # Central differences: error of order h², some 1e-8 of the energies.
     assert power == pytest.approx((ahead - back) / (2.0 * h), rel=1e-6)
 
@@ -192,30 +201,87 @@ def test_the_chain_solves_what_it_made(name: ArmName) -> None:
     assert (found <= high).all()
 
 
+MASS = (
+    '<inertial><mass value="2"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+ROBOT = (
+    '<robot name="r"><link name="base"/>'
+    '<link name="f"><inertial><mass value="7"/></inertial></link>'
+    f'<link name="a">{MASS}</link><link name="b">{MASS}</link><link name="c">{MASS}</link>'
+    '<joint name="j" type="revolute"><parent link="base"/><child link="a"/>'
+    '<axis xyz="0 0 2"/><limit lower="-1" upper="1" effort="3" velocity="4"/></joint>'
+    '<joint name="k" type="fixed"><parent link="a"/><child link="b"/><origin xyz="1 0 0"/></joint>'
+    '<joint name="l" type="fixed"><parent link="b"/><child link="f"/><origin xyz="0 0 3"/></joint>'
+    '<joint name="m" type="prismatic"><parent link="a"/><child link="c"/></joint></robot>'
+)
+"""A hinge that moves two masses, fixed to each other; a slide beside, a tool at the flange."""
+
+
+def written(folder: Path, text: str, base: str = "base", flange: str = "f") -> UrdfFile:
+    file = folder / "r.urdf"
+    file.write_text(text)
+    facts = UrdfFacts(
+        file="", base=base, flange=flange, payload_kg=1, reach_m=1, rated="", upstream="", grade=""
+    )
+    return UrdfFile(file=file, share=folder, facts=facts)
+
+
 def test_fixed_links_become_one(tmp_path: Path) -> None:
     """Two equal masses fixed to each other: centre half way, Steiner's terms in the inertia."""
-    mass = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
-    ends = '<parent link="{}"/><child link="{}"/>'
-    file = tmp_path / "r.urdf"
-    file.write_text(
-        '<robot name="r"><link name="base"/><link name="f"/>'
-        f'<link name="a">{mass}</link><link name="b">{mass}</link>'
-        f'<joint name="j" type="revolute">{ends.format("base", "a")}'
-        '<axis xyz="0 0 2"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-        f'<joint name="k" type="fixed">{ends.format("a", "b")}<origin xyz="1 0 0"/></joint>'
-        f'<joint name="l" type="fixed">{ends.format("b", "f")}<origin xyz="0 0 3"/></joint>'
-        "</robot>"
-    )
-    chain = urdf.read_chain(file, "base", "f", tmp_path)
-    (only,), (joint,) = chain.links, chain.joints
-    assert only.mass_kg == 4.0
+    urdf = written(tmp_path, ROBOT)
+    arm = urdf.read(looks=True)
+    model = arm.spec.compile()
+    assert (arm.joint_names, arm.speed_limit_rad_per_s) == (("j",), (4.0,))
+    assert [model.body(i).name for i in range(model.nbody)] == ["world", "base", "link1"]
+    link, turn = model.body("link1"), np.zeros(9)
+    assert link.mass == 4.0
     # Analytic.
-    np.testing.assert_allclose(only.centre_m, [0.5, 0.0, 0.0])
-    np.testing.assert_allclose(only.inertia_kg_m2, np.diag([2.0, 3.0, 3.0]))
-    np.testing.assert_allclose(joint.axis, [0.0, 0.0, 1.0])
-    np.testing.assert_allclose(chain.flange[:3, 3], [1.0, 0.0, 3.0])
-    with pytest.raises(InputError, match="no chain of joints from 'base' to 'nowhere'"):
-        urdf.read_chain(file, "base", "nowhere", tmp_path)
+    np.testing.assert_allclose(link.ipos, [0.5, 0.0, 0.0])
+    mujoco.mju_quat2Mat(turn, link.iquat)
+    axes = turn.reshape(3, 3)
+    np.testing.assert_allclose(axes * link.inertia @ axes.T, np.diag([2.0, 3.0, 3.0]), atol=1e-12)
+    np.testing.assert_allclose(model.jnt_axis, [[0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(model.site(FLANGE_SITE).pos, [1.0, 0.0, 3.0])
+    wanted = equations_of(urdf)
+    np.testing.assert_allclose(wanted.mass_matrix([0.3]), [[4.0]])  # 2 (1 + 1 m²) kg m² about z
+    np.testing.assert_allclose(wanted.flange_pose([0.0])[:3, 3], [1.0, 0.0, 3.0])
+
+
+def test_a_flange_that_turns_is_a_link(tmp_path: Path) -> None:
+    """Where the last joint moves the flange's link, the mass of that link counts."""
+    model = written(tmp_path, ROBOT, flange="a").read(looks=False).spec.compile()
+    assert model.body("link1").mass == 2.0
+    np.testing.assert_array_equal(model.site(FLANGE_SITE).pos, np.zeros(3))
+
+
+def test_a_continuous_joint_turns_once_to_each_side(tmp_path: Path) -> None:
+    spec = written(tmp_path, ROBOT.replace("revolute", "continuous")).read(looks=False).spec
+    np.testing.assert_array_equal(spec.compile().jnt_range, [[-2.0 * np.pi, 2.0 * np.pi]])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("</robot>", "", "cannot be read as URDF"),
+        ('ixx="1" iyy="1"', 'ixx="1" iyy="x"', "cannot be read as URDF"),
+        ('"revolute"', '"planar"', "joint 'j' is planar; needs a hinge with limits"),
+        ('effort="3"', "", "joint 'j' lacks effort, velocity or range"),
+        ('velocity="4"', 'velocity="fast"', "joint 'j': could not convert string to float: 'fast'"),
+        ('<child link="a"/>', "<child/>", "joint 'j' has no child link"),
+        ('upper="1"', 'upper="-1"', "joint 'j' lacks effort, velocity or range"),
+        (MASS, "", "link 'a' moves and has no mass"),
+    ],
+)
+def test_a_file_that_is_no_arm_is_refused(tmp_path: Path, old: str, new: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        written(tmp_path, ROBOT.replace(old, new)).read(looks=False)
+
+
+@pytest.mark.parametrize(("base", "flange"), [("base", "x"), ("x", "f"), ("a", "f"), ("f", "a")])
+def test_a_chain_needs_a_joint_from_base_to_flange(tmp_path: Path, base: str, flange: str) -> None:
+    with pytest.raises(InputError, match=f"no chain of joints from '{base}' to '{flange}'"):
+        written(tmp_path, ROBOT, base, flange).read(looks=False)
 
 
 def test_a_mesh_is_coarsened_where_it_is() -> None:
@@ -224,19 +290,36 @@ def test_a_mesh_is_coarsened_where_it_is() -> None:
     points = np.stack((x, y, np.zeros_like(x)), axis=-1)
     cells = [points[i : i + 2, j : j + 2].reshape(4, 3) for i in range(20) for j in range(20)]
     corners = np.concatenate([cell[[0, 1, 2, 1, 3, 2]] for cell in cells])
-    mesh = collada.coarsened(corners, (1.0, 1.0, 1.0, 1.0))
+    mesh = meshes.coarsened(corners, (1.0, 1.0, 1.0, 1.0))
     assert len(mesh.faces) < 0.2 * len(corners) / 3
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
     edge = 0.02
     # Geometry: each side loses up to half a grain at either end.
-    assert (edge - collada.GRAIN_M) ** 2 <= area <= edge**2 * (1.0 + 1e-12)
+    assert (edge - meshes.GRAIN_M) ** 2 <= area <= edge**2 * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize(("name", "text"), [("a.dae", "<a>"), ("a.stl", "solid"), ("a.stl", None)])
+def test_a_file_that_is_no_mesh_is_named(tmp_path: Path, name: str, text: str | None) -> None:
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=rf"{name}: .*mesh"):
+        meshes.read_mesh(tmp_path / name)
+
+
+def test_a_cell_of_pumas_does_without_the_mesh_reader() -> None:
+    code = (
+        "import sys; from dualbend.arm.pair import paper_pair; paper_pair().left.model.spec(); "
+        "print([m for m in ('trimesh', 'collada') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_a_missing_package_is_named() -> None:
     with pytest.raises(InputError, match="pip install no-such-robots"):
-        urdf.package_folder("no-such-robots")
-    assert (urdf.package_folder(PACKAGE) / "robots").is_dir()
+        package_folder("no-such-robots")
+    assert (package_folder(PACKAGE) / "robots").is_dir()
 
 
 def test_an_unknown_arm_is_told_the_nearest() -> None:

@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from dualbend.arm.catalog import ArmName
-from dualbend.arm.joint_limits import arm_room
+from dualbend.arm.joint_limits import joint_limit_margins
 from dualbend.arm.mjcf import GRIP_SITE
 from dualbend.arm.model import arm_model
 from dualbend.arm.pair import ArmPair
-from dualbend.arm.placement import LEAST_MARGIN_RAD, find_placement
+from dualbend.arm.placement import MIN_MARGIN_RAD, find_placement
 from dualbend.errors import InputError
 from dualbend.run.arms import arm_pair, path_targets, with_placements
 from dualbend.scenario.load import load_scenario
@@ -50,20 +50,20 @@ def walked(*names: ArmName) -> Array:
 
 
 @pytest.mark.parametrize("names", [("ur5",), ("panda",), ("puma560", "ur5"), ("panda", "ur5")])
-def test_the_inverse_kinematics_closes_with_room_to_every_limit(names: tuple[ArmName, ...]) -> None:
-    for side, room in arm_room(pair(*names), walked(*names)).items():
-        assert room.room_deg is not None
-        assert room.room_deg >= np.degrees(LEAST_MARGIN_RAD), side
+def test_the_inverse_kinematics_keeps_the_joint_limit_margin(names: tuple[ArmName, ...]) -> None:
+    for side, margins in joint_limit_margins(pair(*names), walked(*names)).items():
+        assert margins.margin_deg is not None
+        assert margins.margin_deg >= np.degrees(MIN_MARGIN_RAD), side
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_was_found_is_what_the_path_has(name: ArmName) -> None:
     found = find_placement(name, path_targets(SCENARIO), {})
-    room = arm_room(pair(name), walked(name))["left"]
+    margins = joint_limit_margins(pair(name), walked(name))["left"]
     # The search saw 11 poses, the walk 21: it can only be a little nearer to a limit.
-    assert room.manipulability == pytest.approx(found.manipulability, rel=0.05)
-    assert room.room_deg == pytest.approx(np.degrees(found.margin_rad), abs=2.0)
-    assert room.manipulability > 0.3  # golden: far from singular
+    assert margins.manipulability == pytest.approx(found.manipulability, rel=0.05)
+    assert margins.margin_deg == pytest.approx(np.degrees(found.margin_rad), abs=2.0)
+    assert margins.manipulability > 0.3  # golden: far from singular
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,4 +1,4 @@
-"""The PUMA 560 and gripper models against an independent recursion and plain statics."""
+"""The PUMA 560 and gripper models against Lagrange's equations and plain statics."""
 
 import mujoco
 import numpy as np
@@ -7,20 +7,29 @@ from numpy.typing import NDArray
 
 from dualbend.arm import mjcf as arm
 from dualbend.arm.model import arm_model
+from dualbend.beam.sheet import GRAVITY_M_PER_S2 as G
 from dualbend.errors import InputError
 from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.resources import models_dir
 from dualbend.validation import dh
 
 Array = NDArray[np.float64]
-G = dh.GRAVITY_M_PER_S2
 PUMA = arm_model("puma560")
+TABLE = dh.puma()
 LIMITS = np.array([link.range_rad for link in dh.PUMA560])
+ARMATURE = np.diag([link.armature_kg_m2 for link in dh.PUMA560])
 TOOL_BODIES = ("hand", "jaw_upper", "jaw_lower")
 
 
 def random_configurations(n: int, seed: int) -> Array:
     return np.random.default_rng(seed).uniform(LIMITS[:, 0], LIMITS[:, 1], (n, 6))
+
+
+def link_frames(q: Array) -> Array:
+    """Return DH frames 0 to 6 in frame 0 (7, 4, 4)."""
+    turned = TABLE.frames(q)
+    fixed = [np.eye(4), *(link.fixed_part for link in dh.PUMA560)]
+    return np.array([frame @ part for frame, part in zip(turned, fixed, strict=True)])
 
 
 def relative(found: Array, wanted: Array) -> float:
@@ -64,7 +73,7 @@ def test_flange_pose_is_the_published_table_multiplied_out(model: mujoco.MjModel
     for q in random_configurations(50, seed=1):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
-        wanted = dh.flange_pose(q)
+        wanted = TABLE.flange_pose(q)
         site = data.site(arm.FLANGE_SITE)
         # Analytic: two spellings of one product, rounding only.
         np.testing.assert_allclose(site.xpos, wanted[:3, 3], atol=1e-12)
@@ -77,22 +86,22 @@ def test_every_link_frame_is_a_dh_frame(model: mujoco.MjModel) -> None:
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         names = ["base", *(f"link{i}" for i in range(1, 7))]
-        for name, frame in zip(names, dh.link_frames(q), strict=True):
+        for name, frame in zip(names, link_frames(q), strict=True):
             body = data.body(name)
             np.testing.assert_allclose(body.xpos, frame[:3, 3], atol=1e-12)  # analytic
             np.testing.assert_allclose(body.xmat.reshape(3, 3), frame[:3, :3], atol=1e-12)
 
 
-def test_gravity_torque_is_the_recursions(model: mujoco.MjModel) -> None:
+def test_gravity_torque_is_the_tables(model: mujoco.MjModel) -> None:
     data = mujoco.MjData(model)
     for q in random_configurations(60, seed=3):
         data.qpos[:] = q
         mujoco.mj_forward(model, data)
         # Analytic (rounding only).
-        assert relative(data.qfrc_bias, dh.gravity_torque(q)) < 1e-9
+        assert relative(data.qfrc_bias, TABLE.gravity_torque(q)) < 1e-9
 
 
-def test_velocity_torque_is_the_recursions(model: mujoco.MjModel) -> None:
+def test_velocity_torque_is_the_tables(model: mujoco.MjModel) -> None:
     rng = np.random.default_rng(4)
     data = mujoco.MjData(model)
     for q in random_configurations(50, seed=5):
@@ -100,23 +109,25 @@ def test_velocity_torque_is_the_recursions(model: mujoco.MjModel) -> None:
         data.qpos[:], data.qvel[:] = q, v
         mujoco.mj_forward(model, data)
         # Analytic: Coriolis, centrifugal and gravity torques together.
-        assert relative(data.qfrc_bias, dh.inverse_dynamics(q, v, np.zeros(6))) < 1e-9
+        assert (
+            relative(data.qfrc_bias, TABLE.gravity_torque(q) + TABLE.velocity_torque(q, v)) < 1e-9
+        )
 
 
-def test_mass_matrix_is_the_recursions_plus_armature(model: mujoco.MjModel) -> None:
+def test_mass_matrix_is_the_tables_plus_armature(model: mujoco.MjModel) -> None:
     data, full = mujoco.MjData(model), np.zeros((6, 6))
     for q in random_configurations(60, seed=6):
         data.qpos[:] = q
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, full)
-        assert relative(full, dh.mass_matrix(q, armature=True)) < 1e-9  # analytic
+        assert relative(full, TABLE.mass_matrix(q) + ARMATURE) < 1e-9  # analytic
         bare = full - np.diag(model.dof_armature)
-        assert relative(bare, dh.mass_matrix(q)) < 1e-9  # analytic
+        assert relative(bare, TABLE.mass_matrix(q)) < 1e-9  # analytic
 
 
 def test_gravity_torque_is_the_gradient_of_the_potential_energy() -> None:
     def potential(q: Array) -> float:
-        frames = dh.link_frames(q)[1:]
+        frames = link_frames(q)[1:]
         pairs = zip(dh.PUMA560, frames, strict=True)
         return float(sum(b.mass_kg * G * (f[2, :3] @ b.com_m + f[2, 3]) for b, f in pairs))
 
@@ -124,7 +135,7 @@ def test_gravity_torque_is_the_gradient_of_the_potential_energy() -> None:
     for q in random_configurations(20, seed=7):
         slope = [(potential(q + h * e) - potential(q - h * e)) / (2 * h) for e in np.eye(6)]
         # Discretisation-limited, O(h²): 60 N m x 1e-10, plus rounding 1e-14 x 100 J / h.
-        np.testing.assert_allclose(dh.gravity_torque(q), slope, atol=1e-7)
+        np.testing.assert_allclose(TABLE.gravity_torque(q), slope, atol=1e-7)
 
 
 @pytest.mark.parametrize("i", range(6))
@@ -346,4 +357,4 @@ def test_models_are_found_and_documented() -> None:
 
 def test_wrong_shape_is_named() -> None:
     with pytest.raises(InputError, match=r"\(6,\), got \(5,\)"):
-        dh.gravity_torque(np.zeros(5))
+        TABLE.gravity_torque(np.zeros(5))

@@ -58,5 +58,5 @@ def simulated(sheet: Sheet, given: Points, *, weight: bool) -> EndLoads:
 
 
 def theory(sheet: Sheet, given: Points, *, weight: bool) -> EndLoads:
-    """Return the elastica off the optimum, by this project's oracle."""
+    """Return the elastica off the optimum, by this project's rod."""
     return reference_loads(sheet, given.path, given.alphas, weight=weight)

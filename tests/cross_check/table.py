@@ -13,7 +13,8 @@ from cross_check_rows import ROOT, ROWS_FILE
 PAGE = ROOT / "docs" / "cross-checks.md"
 
 HEAD = (
-    "| quantity | points | this project | theory | other code | unit | less project | less theory |"
+    "| quantity | points | this project | theory | cross-check | unit "
+    "| less project | less theory |"
 )
 
 
@@ -45,9 +46,9 @@ def line(row: dict[str, Any], points: str) -> str:
     asked = (
         ""
         if part is None
-        else f" (asked {100 * part:g} %)"
+        else f" (required {100 * part:g} %)"
         if part > 1e-3
-        else f" (asked {part:.0e})"
+        else f" (required {part:.0e})"
     )
     cells = [
         f"{row['quantity']}{asked}",
@@ -74,9 +75,8 @@ def short(run: dict[str, Any]) -> Iterator[str]:
 def heading(run: dict[str, Any], *, times: bool) -> str:
     """Return the row that begins a run, with the time that each took."""
     took = run["seconds"]
-    parts = [
-        f"{who} {_rounded(took[who])} s" for who in ("project", "theory", "other") if who in took
-    ]
+    names = {"project": "project", "theory": "theory", "other": "cross-check"}
+    parts = [f"{shown} {_rounded(took[who])} s" for who, shown in names.items() if who in took]
     told = f" ({', '.join(parts)})" if times and parts else ""
     return f"| **{run['code']}: {run['name']}**{told} |" + " |" * 7
 

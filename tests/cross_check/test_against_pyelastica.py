@@ -68,7 +68,7 @@ def test_force_and_moment_at_the_clamps(
         assert moment.within(0.01)
 
 
-def test_the_rod_converges_to_the_oracle(compiled: None, report: Report) -> None:
+def test_the_rod_converges_to_the_reference(compiled: None, report: Report) -> None:
     from rod_cosserat import clamped_loads
 
     run = report.run(CODE, "exact path, 1 rad, no weight: convergence")
@@ -88,7 +88,7 @@ def test_the_rod_converges_to_the_oracle(compiled: None, report: Report) -> None
     run.row("order of convergence", "1 rad", "1", found=order, theory=2.0)
     # The middle of the outermost elements is clamped: second order.
     assert order == pytest.approx(2.0, abs=0.2)
-    # Richardson's limit of the two finest; stretch and shear, not in the oracle, are below.
+    # Richardson's limit of the two finest; stretch and shear, not in the reference, are below.
     limit = forces[2] + (forces[2] - forces[1]) / 3.0
     row = run.row("force, extrapolated", "1 rad", "N", found=limit, theory=wanted)
     assert row.within(2e-4)

@@ -11,6 +11,7 @@ from cross_check_rows import Report
 from numpy.typing import NDArray
 
 from dualbend.arm import mjcf as arm
+from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.validation import dh
 
 Vector = NDArray[np.float64]
@@ -19,7 +20,7 @@ CODE = "Robotics Toolbox"
 CONFIGURATIONS = 40
 TOLERANCE = 1e-6
 """Asked for."""
-GRAVITY = [0.0, 0.0, -dh.GRAVITY_M_PER_S2]
+GRAVITY = [0.0, 0.0, -GRAVITY_M_PER_S2]
 """In RTB 1.5 the acceleration of a falling body, upwards in earlier releases."""
 
 
@@ -60,7 +61,7 @@ def _states() -> tuple[Vector, Vector]:
 def _mujoco(angles: Vector, rates: Vector) -> dict[str, Vector]:
     """Return what the simulated arm has: flange pose, gravity and velocity torques, mass matrix."""
     spec = arm.load_puma()
-    spec.option.gravity = [0.0, 0.0, -dh.GRAVITY_M_PER_S2]
+    spec.option.gravity = [0.0, 0.0, -GRAVITY_M_PER_S2]
     model = spec.compile()
     data, inertia = mujoco.MjData(model), np.zeros((6, 6))
     found: dict[str, list[Vector]] = {k: [] for k in ("pose", "gravity", "mass", "velocity")}
@@ -90,17 +91,13 @@ def _toolbox(robot: Any, angles: Vector, rates: Vector) -> dict[str, Vector]:
 
 
 def _theory(angles: Vector, rates: Vector) -> dict[str, Vector]:
-    none = np.zeros(6)
+    table, armature = dh.puma(), np.diag([link.armature_kg_m2 for link in dh.PUMA560])
+    pairs = zip(angles, rates, strict=True)
     return {
-        "pose": np.array([dh.flange_pose(q)[:3] for q in angles]),
-        "gravity": np.array([dh.gravity_torque(q) for q in angles]),
-        "mass": np.array([dh.mass_matrix(q, armature=True) for q in angles]),
-        "velocity": np.array(
-            [
-                dh.inverse_dynamics(q, qd, none, gravity_m_per_s2=0.0)
-                for q, qd in zip(angles, rates, strict=True)
-            ]
-        ),
+        "pose": np.array([table.flange_pose(q)[:3] for q in angles]),
+        "gravity": np.array([table.gravity_torque(q) for q in angles]),
+        "mass": np.array([table.mass_matrix(q) + armature for q in angles]),
+        "velocity": np.array([table.velocity_torque(q, qd) for q, qd in pairs]),
     }
 
 

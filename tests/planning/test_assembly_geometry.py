@@ -11,7 +11,7 @@ from dualbend.beam import elastica
 from dualbend.beam.rod import planar as rod
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
-from dualbend.planning import geometry as ag
+from dualbend.planning import geometry
 from dualbend.planning import shape as shapes
 from dualbend.scene.bed.config import PinsConfig
 from support.sheets import STRIP
@@ -43,7 +43,7 @@ def test_free_play_is_that_of_a_cylinder_in_the_bore(
     d: float, clearance: float, t: float, slope: float
 ) -> None:
     D = d + clearance
-    half = ag.hole_play(D, d, t, slope) / 2
+    half = geometry.hole_play(D, d, t, slope) / 2
     # Discretisation-limited: the nearest of 20 001 points of a rim is within (D π/20 000)²/d.
     grain = 1e-9 + (D * math.pi / 20_000) ** 2 / d
     if half > 2 * grain:
@@ -56,13 +56,17 @@ def test_free_play_is_that_of_a_cylinder_in_the_bore(
 
 def test_free_play_has_its_limits() -> None:
     # Analytic: flat it is the clearance; D − d − t|θ| − Dθ²/2 + O(θ³); even in θ.
-    assert ag.hole_play(5e-3, 4.8e-3, 5e-4, 0.0) == pytest.approx(2e-4, abs=1e-18)
+    assert geometry.hole_play(5e-3, 4.8e-3, 5e-4, 0.0) == pytest.approx(2e-4, abs=1e-18)
     slope = 0.01
     small = 2e-4 - 5e-4 * slope - 5e-3 * slope**2 / 2
-    assert ag.hole_play(5e-3, 4.8e-3, 5e-4, slope) == pytest.approx(small, abs=5e-3 * slope**3)
-    assert ag.hole_play(5e-3, 4.8e-3, 5e-4, -0.2) == ag.hole_play(5e-3, 4.8e-3, 5e-4, 0.2)
+    assert geometry.hole_play(5e-3, 4.8e-3, 5e-4, slope) == pytest.approx(
+        small, abs=5e-3 * slope**3
+    )
+    assert geometry.hole_play(5e-3, 4.8e-3, 5e-4, -0.2) == geometry.hole_play(
+        5e-3, 4.8e-3, 5e-4, 0.2
+    )
     # Analytic: a plate without thickness that stands on edge leaves −d.
-    assert ag.hole_play(5e-3, 4.8e-3, 0.0, math.pi / 2) == pytest.approx(-4.8e-3, abs=1e-15)
+    assert geometry.hole_play(5e-3, 4.8e-3, 0.0, math.pi / 2) == pytest.approx(-4.8e-3, abs=1e-15)
 
 
 @pytest.mark.parametrize("alpha", [0.1, 0.6, 1.57])
@@ -121,7 +125,7 @@ def test_a_light_sheet_hangs_as_the_closed_form() -> None:
 
 def test_what_the_weight_changes_is_small_and_as_stated() -> None:
     heavy, free = (shapes.hang(STRIP, 0.134, weight=weight) for weight in (True, False))
-    # Golden (oracle): outer holes 22 µm lower against the middle, grips 12 µm, approach −1.2 %.
+    # Golden: outer holes 22 µm lower against the middle, grips 12 µm, approach −1.2 %.
     assert free.at(0.14).z_m - heavy.at(0.14).z_m == pytest.approx(22.3e-6, abs=0.5e-6)
     assert free.rise_m - heavy.rise_m == pytest.approx(11.7e-6, abs=0.5e-6)
     ratio = (0.04 - heavy.at(0.04).x_m) / (0.04 - free.at(0.04).x_m)
@@ -132,15 +136,15 @@ def test_what_the_weight_changes_is_small_and_as_stated() -> None:
 
 @given(alpha=st.floats(shapes.LOWEST_RAD, shapes.HIGHEST_RAD))
 @seeded
-def test_the_table_of_shapes_is_the_oracle(alpha: float) -> None:
-    table, oracle = shapes.shape_family(STRIP)(alpha), shapes.hang(STRIP, alpha)
+def test_the_table_of_shapes_is_the_reference(alpha: float) -> None:
+    table, reference = shapes.shape_family(STRIP)(alpha), shapes.hang(STRIP, alpha)
     # Discretisation-limited: 49 nodes, fourth order, stated as 0.1 µm.
-    np.testing.assert_allclose(table.nodes[:2], oracle.nodes[:2], atol=1e-7)
-    np.testing.assert_allclose(table.nodes[2], oracle.nodes[2], atol=1e-6)
-    assert table.rise_m == pytest.approx(oracle.rise_m, abs=1e-7)
-    assert table.end_force_n == pytest.approx(oracle.end_force_n, abs=2e-4)
-    assert table.end_moment_nm == pytest.approx(oracle.end_moment_nm, abs=1e-7)
-    assert table.strain == pytest.approx(oracle.strain, rel=1e-3)
+    np.testing.assert_allclose(table.nodes[:2], reference.nodes[:2], atol=1e-7)
+    np.testing.assert_allclose(table.nodes[2], reference.nodes[2], atol=1e-6)
+    assert table.rise_m == pytest.approx(reference.rise_m, abs=1e-7)
+    assert table.end_force_n == pytest.approx(reference.end_force_n, abs=2e-4)
+    assert table.end_moment_nm == pytest.approx(reference.end_moment_nm, abs=1e-7)
+    assert table.strain == pytest.approx(reference.strain, rel=1e-3)
 
 
 def test_middle_pair_approaches_as_the_cube_of_its_distance() -> None:
@@ -173,21 +177,21 @@ def test_tip_is_a_half_sphere_or_a_cone(tip: str) -> None:
     near = math.sqrt(4e-6 - 1e-6) if tip == "round" else 1e-3
     end = 0.0 if tip == "round" else 2e-3 / 3
     expected = [2e-3, 2e-3, near, end, -math.inf]
-    np.testing.assert_allclose(ag.pin_radius(pins, heights), expected, atol=1e-18)
+    np.testing.assert_allclose(geometry.pin_radius(pins, heights), expected, atol=1e-18)
 
 
-def test_pin_presses_a_flat_hole_by_its_offset_less_half_the_clearance() -> None:
+def test_pin_overlaps_a_flat_hole_by_its_offset_less_half_the_clearance() -> None:
     pins = PinsConfig(diameter_m=4e-3, height_m=8e-3)
     flat = shapes.HolePose(0.1397, 1e-3, 0.0)
     # Analytic: offset 0.3 mm, clearance 0.2 mm.
-    assert ag.pressed_by(flat, 0.14, 4.2e-3, 5e-4, pins) == pytest.approx(0.2e-3, abs=1e-15)
+    assert geometry.interference(flat, 0.14, 4.2e-3, 5e-4, pins) == pytest.approx(0.2e-3, abs=1e-15)
     tilted = shapes.HolePose(0.1397, 1e-3, 0.1)
     # Analytic: on the cylinder a tilted hole has half its free play.
-    play = ag.hole_play(4.2e-3, 4e-3, 5e-4, 0.1)
-    pressed = ag.pressed_by(tilted, 0.14, 4.2e-3, 5e-4, pins)
-    assert pressed == pytest.approx(0.3e-3 - play / 2, abs=1e-15)
+    play = geometry.hole_play(4.2e-3, 4e-3, 5e-4, 0.1)
+    overlap = geometry.interference(tilted, 0.14, 4.2e-3, 5e-4, pins)
+    assert overlap == pytest.approx(0.3e-3 - play / 2, abs=1e-15)
     above = shapes.HolePose(0.1397, 9e-3, 0.0)
-    assert ag.pressed_by(above, 0.14, 4.2e-3, 5e-4, pins) == -math.inf
+    assert geometry.interference(above, 0.14, 4.2e-3, 5e-4, pins) == -math.inf
 
 
 @given(friction=st.floats(0.0, 2.0), slope=st.floats(0.0, 0.3))
@@ -195,7 +199,7 @@ def test_pin_presses_a_flat_hole_by_its_offset_less_half_the_clearance() -> None
 def test_round_tip_guides_where_it_is_steeper_than_friction(friction: float, slope: float) -> None:
     pins = PinsConfig(diameter_m=4e-3, height_m=8e-3, friction=friction)
     D, t = 4.2e-3, 5e-4
-    touch = (D * math.cos(slope) - t * math.sin(slope)) / 2 - ag.tip_guides(pins, D, t, slope)
+    touch = (D * math.cos(slope) - t * math.sin(slope)) / 2 - geometry.tip_guides(pins, D, t, slope)
     # Analytic: the flank's inclination where it is touched, ρ/√(r² − ρ²), is the friction.
     assert touch / math.sqrt(4e-6 - touch**2) == pytest.approx(friction, rel=1e-9, abs=1e-9)
 
@@ -204,7 +208,7 @@ def test_a_cone_guides_all_or_nothing() -> None:
     D, t, slope = 4.2e-3, 5e-4, 0.1
     blunt = PinsConfig(diameter_m=4e-3, tip="taper", taper_length_m=0.7e-3, friction=0.6)
     sharp = PinsConfig(diameter_m=4e-3, tip="taper", taper_length_m=4e-3, friction=0.6)
-    play = ag.hole_play(D, 4e-3, t, slope)
+    play = geometry.hole_play(D, 4e-3, t, slope)
     # Analytic: half the free play, and besides it how much thinner the end of the cone is.
-    assert ag.tip_guides(blunt, D, t, slope) == pytest.approx(play / 2, abs=1e-15)
-    assert ag.tip_guides(sharp, D, t, slope) == pytest.approx(play / 2 + 4e-3 / 3, abs=1e-15)
+    assert geometry.tip_guides(blunt, D, t, slope) == pytest.approx(play / 2, abs=1e-15)
+    assert geometry.tip_guides(sharp, D, t, slope) == pytest.approx(play / 2 + 4e-3 / 3, abs=1e-15)

@@ -1,4 +1,4 @@
-"""The plan: its range against a quadrature of its own, its refusals, the way and the descent."""
+"""The plan: its range against a quadrature of its own, its refusals, the path and the descent."""
 
 import dataclasses
 import math
@@ -15,7 +15,7 @@ from scipy.special import ellipk
 from dualbend.beam import elastica
 from dualbend.beam._check import FloatArray
 from dualbend.errors import InputError
-from dualbend.planning import shape as assembly_shape
+from dualbend.planning import shape as planning_shape
 from dualbend.planning.layout import Layout
 from dualbend.planning.plan import AssemblyPlan, plan_assembly
 from dualbend.scene.bed.config import HolePairConfig, HolesConfig, PinsConfig
@@ -163,7 +163,7 @@ def test_accepted_layouts_satisfy_all_inequalities_and_refused_ones_break_one(
             plan(changed(layout, key, float(value)))
         if badly_laid_out(layout):
             return
-        alphas = np.linspace(assembly_shape.LOWEST_RAD, math.pi / 2, 300)
+        alphas = np.linspace(planning_shape.LOWEST_RAD, math.pi / 2, 300)
         left = slacks(layout, *free_shapes(alphas, *along))
         in_range = np.minimum(left["lift"] - layout.margin_m, np.minimum(left["fit"], left["seat"]))
         over = np.flatnonzero(left["lift"] >= 0.0)
@@ -180,7 +180,7 @@ def test_accepted_layouts_satisfy_all_inequalities_and_refused_ones_break_one(
     assert np.min(left["seat"][inside]) >= -grain
     assert left["guide"][0] >= -grain
     # The range is the largest one: both its ends are where an inequality turns.
-    if low > assembly_shape.LOWEST_RAD:
+    if low > planning_shape.LOWEST_RAD:
         assert left["lift"][-2] < layout.margin_m
     if found.limit == "middle pair":
         assert left["fit"][-1] < 0.0
@@ -249,20 +249,20 @@ def test_plan_is_consistent_in_itself() -> None:
     assert np.all(np.diff([found.spacing_m(a) for a in np.linspace(0.0, high, 20)]) < 0.0)
 
 
-def test_way_of_the_grips_keeps_the_middle_and_carries_the_loads_of_the_oracle() -> None:
+def test_path_of_the_grips_keeps_the_middle_and_carries_the_loads_of_the_reference() -> None:
     found = plan_assembly(STRIP, HOLES, PINS)
-    way = found.way
+    path = found.path
     assert found.grip(0.0) == pytest.approx((L / 2, 0.0), abs=1e-12)
-    x, z = found.grip(way.alpha_rad)
+    x, z = found.grip(path.alpha_rad)
     # Analytic: half distance of the closed form; discretisation-limited: the table, 0.1 µm.
-    np.testing.assert_allclose(x, elastica.half_distance(way.alpha_rad, L), atol=1e-15)
-    np.testing.assert_allclose(z, way.height_m, atol=1e-12)
+    np.testing.assert_allclose(x, elastica.half_distance(path.alpha_rad, L), atol=1e-15)
+    np.testing.assert_allclose(z, path.rise_m, atol=1e-12)
     for i in (9, 24, 48):
-        oracle = assembly_shape.hang(STRIP, float(way.alpha_rad[i]))
-        assert way.height_m[i] == pytest.approx(oracle.rise_m, abs=1e-7)
-        assert way.end_force_n[i] == pytest.approx(oracle.end_force_n, abs=1e-4)
-        assert way.end_moment_nm[i] == pytest.approx(oracle.end_moment_nm, abs=1e-7)
-    taut = assembly_shape.hang(STRIP, found.taut_rad)
+        reference = planning_shape.hang(STRIP, float(path.alpha_rad[i]))
+        assert path.rise_m[i] == pytest.approx(reference.rise_m, abs=1e-7)
+        assert path.end_force_n[i] == pytest.approx(reference.end_force_n, abs=1e-4)
+        assert path.end_moment_nm[i] == pytest.approx(reference.end_moment_nm, abs=1e-7)
+    taut = planning_shape.hang(STRIP, found.taut_rad)
     assert taut.end_force_n == pytest.approx(0.0, abs=1e-4)
     with pytest.raises(InputError, match="bending angle"):
         found.grip(found.range.highest_rad + 0.01)
@@ -271,14 +271,14 @@ def test_way_of_the_grips_keeps_the_middle_and_carries_the_loads_of_the_oracle()
 def test_outer_holes_come_down_within_reach_of_the_tips() -> None:
     found = plan_assembly(STRIP, HOLES, PINS)
     down = found.unfolding
-    assert 0.0 < down.pressed_rad < down.reach_rad < found.range.clear_rad
-    assert 0.0 < down.pressed_m < down.offset_m < down.guide_m
+    assert 0.0 < down.interference_rad < down.reach_rad < found.range.clear_rad
+    assert 0.0 < down.interference_m < down.offset_m < down.guide_m
     # Analytic limit of small slopes: (L/2 − x) / (s₁ − X) = (L/2) / (s₁ − (L/2π) sin 2πs₁/L).
     ratio = (L / 2) / (0.14 - L / (2 * math.pi) * math.sin(2 * math.pi * 0.14 / L))
     free = plan_assembly(STRIP, HOLES, PINS, weight=False).unfolding
-    assert free.grip_shift_m / free.pressed_m == pytest.approx(ratio, rel=2e-3)
+    assert free.grip_shift_m / free.interference_m == pytest.approx(ratio, rel=2e-3)
     # Golden: 0.313 mm off at the tips, of which the compliance has to take 0.037 mm.
-    assert (down.offset_m, down.pressed_m) == pytest.approx((0.313e-3, 0.037e-3), abs=1e-6)
+    assert (down.offset_m, down.interference_m) == pytest.approx((0.313e-3, 0.037e-3), abs=1e-6)
 
 
 def test_yield_and_grippers_end_the_range() -> None:
@@ -287,22 +287,22 @@ def test_yield_and_grippers_end_the_range() -> None:
     assert strained.range.limit == "yield"
     # Analytic: the strain at the end of the range is the one given.
     assert strained.shape(strained.range.highest_rad).strain == pytest.approx(1e-3, rel=1e-4)
-    met = plan_assembly(STRIP, slender, PINS, least_half_distance_m=0.19)
+    met = plan_assembly(STRIP, slender, PINS, min_half_distance_m=0.19)
     assert met.range.limit == "grippers"
     assert elastica.half_distance(met.range.highest_rad, L) == pytest.approx(0.19, abs=1e-9)
 
 
 def test_a_plan_solves_for_no_more_shapes_than_its_table(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
-    solve = assembly_shape._by_rod
+    solve = planning_shape._by_reference
     monkeypatch.setattr(
-        assembly_shape, "_by_rod", lambda *given: (calls.append(given), solve(*given))[1]
+        planning_shape, "_by_reference", lambda *given: (calls.append(given), solve(*given))[1]
     )
     other = dataclasses.replace(STRIP, thickness_m=0.00051)
     for clearance in (2e-4, 1e-4):
         plan_assembly(other, holes(0.04, 0.14, clearance), PINS)
     # Analytic: a count, not a stop-watch; the second plan of a sheet solves for none.
-    assert len(calls) == assembly_shape.NODES
+    assert len(calls) == planning_shape.NODES
 
 
 @pytest.mark.parametrize(
@@ -389,7 +389,7 @@ def test_a_pair_in_the_middle_fits_at_every_angle() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"margin_m": -1e-3}, {"share": 1.5}, {"least_half_distance_m": 0.3}]
+    "wrong", [{"margin_m": -1e-3}, {"share": 1.5}, {"min_half_distance_m": 0.3}]
 )
 def test_options_that_are_no_numbers_of_their_kind_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):

@@ -5,24 +5,29 @@ import json
 import re
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from markupsafe import escape
+from matplotlib.figure import Figure as Canvas
 
 from dualbend.cli import main
-from dualbend.report.data import (
+from dualbend.report.figures import draw
+from dualbend.report.moment import (
     bending_rows,
-    moment_lines,
-    nominal_lines,
-    oracle_at_edges,
-    phases,
-    shapes,
-    sheet_points,
+    moment_curves,
+    recorded_moments,
+    reference_at_ends,
 )
-from dualbend.report.html import element, markdown
-from dualbend.report.page import report, write_report
-from dualbend.report.settings import settings_of
+from dualbend.report.over_time import OverTime
+from dualbend.report.page import chapter, page_of, report, write_report
+from dualbend.report.plot import Axis, Curve, Plot
+from dualbend.report.section import Chapter, Details, Figure, Section, Verdict
+from dualbend.report.sections.settings import settings_of
+from dualbend.report.shape import shapes, sheet_points
+from dualbend.report.template import markdown
 from dualbend.resources import limitations_file
 from dualbend.run import output
 from dualbend.run.make import make_run
@@ -30,6 +35,7 @@ from dualbend.run.record import RunRecord
 from dualbend.run.saved import UNFINISHED, load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.study.paper_figures import FORMATS, write_pictures
+from dualbend.table import Code, Column, Table
 from support.left_runs import leave
 
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
@@ -53,6 +59,14 @@ def fig8(top: Path) -> RunRecord:
 
 def call(*arguments: str) -> Result:
     return CliRunner().invoke(main, list(arguments))
+
+
+def plots_of(page: str) -> dict[str, Any]:
+    """Return the data of a page's plots."""
+    text = re.search(r'<script id="plots"[^>]*>(.*?)</script>', page, re.DOTALL)
+    assert text is not None
+    found: dict[str, Any] = json.loads(text[1])
+    return found
 
 
 def test_the_hinges_lead_from_one_edge_to_the_other(fig8: RunRecord) -> None:
@@ -91,11 +105,12 @@ def test_a_plate_has_its_shape_too(tmp_path: Path) -> None:
     assert "the simulated strips" not in page
 
 
-def test_the_oracle_at_the_recorded_poses_is_the_true_moment(fig8: RunRecord) -> None:
+def test_the_reference_at_the_recorded_poses_is_the_true_moment(fig8: RunRecord) -> None:
     """Discretisation-limited, 1 % of the peak at 0.1 rad/s; four times as fast here."""
-    true, oracle = moment_lines(fig8)[2], oracle_at_edges(fig8)
+    true = recorded_moments(fig8, bending_rows(fig8))[2]
+    reference = reference_at_ends(fig8)
     assert true.name == "true"
-    error = np.abs(np.interp(oracle.x, true.x, true.y) - oracle.y)
+    error = np.abs(np.interp(reference.x, true.x, true.y) - reference.y)
     assert np.nanmax(error) < 0.05 * np.abs(true.y).max()
 
 
@@ -103,12 +118,12 @@ def test_a_sheet_that_yields_has_no_elastic_prediction(tmp_path: Path) -> None:
     """Unbent, the sheet turns the grip the other way than an elastic one: that is not shown."""
     brief = ("motion.speed_rad_per_s=0.7", "motion.settle_s=0.1", "motion.hold_s=0.1")
     run = load_run(leave(tmp_path / "set", "springback", *brief, "motion.return_rad=0.8"))
-    assert run.summary.outcome == "completed"
-    assert [line.name for line in nominal_lines(run)] == ["raw", "filtered", "true"]
+    assert run.outcome == "completed"
+    assert [curve.name for curve in moment_curves(run)] == ["raw", "filtered", "true"]
     assert all(np.isnan(shape.off_rod_m) for shape in shapes(run))
     page = report([run, run])
-    assert "oracle, nominal" not in page
-    assert "oracle, recorded" not in page
+    assert "reference, nominal" not in page
+    assert "reference, recorded" not in page
     assert "off the rod with weight" not in page
     assert "No moment is predicted: the elastic theory does not apply" in page
 
@@ -116,7 +131,7 @@ def test_a_sheet_that_yields_has_no_elastic_prediction(tmp_path: Path) -> None:
 def test_phases_follow_each_other_without_a_gap(top: Path) -> None:
     for name in ("fig8", "pwb"):
         run = load_run(top / name)
-        found = phases(run)
+        found = OverTime(run).phases
         assert [p.name for p in found] == list(run.phases[: len(found)])
         assert found[0].start_s == 0.0
         for before, after in pairwise(found):
@@ -145,16 +160,22 @@ def test_what_a_scenario_says_is_text(top: Path) -> None:
         (evil / name).write_bytes((folder / name).read_bytes())
     (evil / "summary.json").write_text(json.dumps(raw))
     page = report([load_run(evil), load_run(folder)])
-    assert page.count(html.escape(EVIL, quote=False)) >= 5
+    assert page.count(str(escape(EVIL))) >= 5
     assert EVIL not in page
     assert "<script>alert" not in page
 
 
-def test_elements_escape_text_and_attributes() -> None:
-    made = element("p", EVIL, element("b", "bold"), title=EVIL)
-    assert made == (
-        f'<p title="{html.escape(EVIL)}">{html.escape(EVIL, quote=False)}<b>bold</b></p>'
-    )
+def test_every_kind_of_block_is_escaped() -> None:
+    named = Curve(name=EVIL, x=np.zeros(1), y=np.zeros(1))
+    drawn = Plot(x=Axis(EVIL, EVIL), y=Axis(EVIL, EVIL), curves=[named], title=EVIL)
+    table = Table([Column(EVIL, EVIL)], [(Code(EVIL),), (EVIL,)], EVIL)
+    blocks = [EVIL, Verdict(EVIL, True, 1), table, Details(EVIL, table), Figure(drawn, EVIL, EVIL)]
+    page = page_of(EVIL, [Chapter(EVIL, blocks, [Section(EVIL, blocks[:3])])])
+    assert "<script>alert" not in page
+    # Title, chapter and section twice each; a table six times.
+    assert page.count(str(escape(EVIL))) == 3 * 2 + (2 + 6 + 7 + 2) + (2 + 6)
+    assert plots_of(page)["plots"]["plot-0"]["curves"][0]["name"] == EVIL
+    assert "<script>" not in markdown(EVIL)
 
 
 def test_limitations_are_those_of_the_documentation(fig8: RunRecord) -> None:
@@ -179,20 +200,34 @@ def test_a_page_has_nothing_from_outside(top: Path) -> None:
 
 def test_every_picture_has_its_words(top: Path) -> None:
     page = report([load_run(top / "fig8"), load_run(top / "pwb")])
-    text = re.search(r'<script id="plots"[^>]*>(.*?)</script>', page, re.DOTALL)
-    assert text is not None
-    plots = json.loads(text[1])["plots"]
+    plots = plots_of(page)["plots"]
     alts = re.findall(r'<div id="(plot-\d+)" class="plot" role="img" aria-label="([^"]+)"', page)
     assert {name for name, _ in alts} == set(plots)
     assert all(len(alt) > 20 for _, alt in alts)
     assert page.count("<figcaption>") == len(plots)
 
 
+@pytest.mark.parametrize("name", ["fig8", "pwb"])
+def test_matplotlib_draws_what_the_page_shows(top: Path, name: str) -> None:
+    """Exact: every curve of every plot, its values, and the axes with their units."""
+    figures = chapter(load_run(top / name), name).figures
+    assert len(figures) > 8
+    for shown in (figure.plot for figure in figures):
+        axes = Canvas().add_subplot()
+        draw(axes, shown)
+        for line, curve in zip(axes.lines, shown.curves, strict=False):
+            assert np.array_equal(line.get_xydata().T, [curve.x, curve.y], equal_nan=True)
+        assert len(axes.lines) == len(shown.curves) + len(shown.knots) + len(shown.levels)
+        assert len(axes.patches) == len(shown.bars) + len(shown.bands) + len(shown.areas)
+        assert axes.get_xlabel() == f"{shown.x.label} [{shown.x.unit}]"
+        assert (axes.get_xscale(), axes.get_title("left")) == (shown.x.scale, shown.title)
+        if shown.ranges.x is not None:
+            assert axes.get_xlim() == (shown.ranges.x.low, shown.ranges.x.high)
+
+
 def test_runs_beside_each_other_have_one_scale(top: Path) -> None:
     page = report([load_run(top / "fig6"), load_run(top / "fig8")])
-    text = re.search(r'<script id="plots"[^>]*>(.*?)</script>', page, re.DOTALL)
-    assert text is not None
-    shown = json.loads(text[1])
+    shown = plots_of(page)
     panels = [p for p in shown["plots"].values() if "the paper's Fig." in p["title"]]
     assert len(panels) == 2
     assert panels[0]["x"]["range"] == panels[1]["x"]["range"]
@@ -290,11 +325,11 @@ def test_a_compliance_brought_along_is_named_and_not_predicted(top: Path, tmp_pa
     raw = json.loads((top / "fig8" / "summary.json").read_text())
     (tmp_path / "summary.json").write_text(json.dumps({**raw, "controller": "mine.Still"}))
     own, other = report([load_run(top / "fig8")]), report([load_run(tmp_path)])
-    assert "the run's compliance was mine.Still" in other
+    assert "the run's compliance was mine.Still" in html.unescape(other)
     assert '<th scope="row">controller</th><td>mine.Still</td>' in other
     assert "growth rate over bending angle" in own
     assert "growth rate over bending angle" not in other
-    assert '<th scope="row">controller</th><td>the scenario\'s own</td>' in own
+    assert '<th scope="row">controller</th><td>the scenario&#39;s own</td>' in own
 
 
 def test_the_summarys_sheet_and_arms_are_shown(fig8: RunRecord, tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ ARGUMENTS = (
     *("--disable-dev-shm-usage", "--window-size=1200,900"),
 )
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
-LOCAL = ("file:", "data:", "blob:", "about:", "chrome:", "devtools:")
+LOCAL = ("file:", "data:", "blob:", "about:", "chrome:", "chrome-untrusted:", "devtools:")
 
 COLOURED = """
 // For each plot: how many of its canvases' pixels have a colour, as curves have and axes have not.

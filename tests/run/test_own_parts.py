@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import dualbend
-from dualbend import BendingRun, Deviation, load_run, load_scenario, write_results
+from dualbend import Deviation, load_run, load_scenario, write_results
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.errors import InputError
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.task.bending import metrics as bending_metrics
+from dualbend.task.bending.run import BendingRun
 from dualbend.types import Vector
 
 SHORT = ("motion.speed_rad_per_s=1.0", "path.end_rad=0.2", "sheet.strips.hinges=10")
@@ -120,10 +120,3 @@ def test_a_table_that_does_not_suit_the_sheet_is_refused_when_it_is_read(
 ) -> None:
     with pytest.raises(InputError, match=rf"fig6\.toml with --set: {text}"):
         load_scenario("fig6", [f"path={{kind='table',table={table}}}"])
-
-
-def test_the_public_names_are_there_and_no_others() -> None:
-    for name in dualbend.__all__:
-        assert getattr(dualbend, name).__name__ == name
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        dualbend.nothing  # noqa: B018

@@ -1,11 +1,13 @@
-"""The robots' program against a world of a few springs: its order, what it feels, when it gives up.
+"""The robots' program against a world of a few springs: its order, what it senses, when it stops.
 
 The stand-in world answers each goal with what sensors would tell of a sheet on ideal arms. It knows
 where the pins are; the program only gets forces, gaps and how far the grips are off.
 """
 
+import copy
 import dataclasses
 import math
+import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -24,13 +26,16 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.object import ObjectComplianceConfig
 from dualbend.run.outcome import TaskStopped
 from dualbend.scenario.assembly import AssemblyConfig, SearchConfig, SpeedsConfig
+from dualbend.task.assembly.execution import Execution
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
-from dualbend.task.assembly.program import AssemblyTask, search_pattern
+from dualbend.task.assembly.program import AssemblyProgram, middle_force
+from dualbend.task.assembly.search import search_pattern
 from support.sheets import STRIP
 
 Array = NDArray[np.float64]
 T, WEIGHT_N = STRIP.thickness_m, STRIP.mass_kg * GRAVITY_M_PER_S2
 BEND_RAD, TOUCH_RAD = 0.18, 0.06
+PATH = ExactPath(STRIP.length_m, BEND_RAD)
 COMPLIANT = AssemblyConfig(compliance=ObjectComplianceConfig(), timeout_s=1.0)
 RIGID = AssemblyConfig(timeout_s=1.0)
 STAND_Z = COMPLIANT.layout.stand.top_m + T / 2
@@ -39,13 +44,14 @@ HEIGHT = COMPLIANT.layout.pins.height_m
 FEW = msgspec.structs.replace(COMPLIANT, search=SearchConfig(attempts=4))
 
 
-def make(config: AssemblyConfig = COMPLIANT) -> AssemblyTask:
-    return AssemblyTask(
+def make(config: AssemblyConfig = COMPLIANT) -> AssemblyProgram:
+    return AssemblyProgram(
         config=config,
         sheet=STRIP,
-        path=ExactPath(STRIP.length_m, BEND_RAD),
+        path=PATH,
         touch_rad=TOUCH_RAD,
         bend_speed_rad_per_s=0.15,
+        period_s=COMMAND_PERIOD_S,
     )
 
 
@@ -53,10 +59,10 @@ def make(config: AssemblyConfig = COMPLIANT) -> AssemblyTask:
 class World:
     """Springs in place of a sheet: ``middle_at`` (x, y) and ``outer_at`` (yaw) where holes fit.
 
-    None: wherever the sheet is. Held up, it pushes like the task's own believed stiffness.
+    Held up, it pushes like the program's own believed stiffness.
     """
 
-    task: AssemblyTask
+    program: AssemblyProgram
     ends: tuple[bool, bool] = (True, True)
     weight: float = 1.0
     middle_at: Callable[[Posture], bool] = lambda _: True
@@ -64,15 +70,19 @@ class World:
     error_m: float = 0.0
     jaws_open: bool = True
     goals: list[Goal] = field(default_factory=list)
+    task: Execution = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.task = self.program.begin()
 
     def answer(self, goal: Goal) -> Sensed:
         self.goals.append(goal)
-        posture, task = goal.posture, self.task
+        posture = goal.posture
         thick = np.array([T if there else 0.0 for there in self.ends])
         opening = posture.opening if self.jaws_open else 0.0
         gap = np.maximum(2.0 * opening, thick)
         held = 1 <= goal.phase <= PHASES.index("seat outer")
-        seat = SEAT_Z + task.laid * T
+        seat = SEAT_Z + self.task.state.laid * T
         vertical = np.zeros(2)
         if (held and posture.z > STAND_Z + 1e-3) or goal.phase > 3:
             vertical -= 0.5 * self.weight * WEIGHT_N
@@ -84,17 +94,17 @@ class World:
 
     def _middle(self, posture: Posture, seat: float) -> float:
         """Rest on the bed where the holes fit, else on the tips."""
-        softness = max(self.task.config.press_m, 1e-6)
-        press = self.task.press_force_n / softness * max(seat - posture.z, 0.0)
+        softness = max(self.program.config.press_m, 1e-6)
+        press = self.program.press_force_n / softness * max(seat - posture.z, 0.0)
         if self.middle_at(posture):
             return press
-        stiffness = self.task.tip_force_n / HEIGHT
+        stiffness = self.program.tip_force_n / HEIGHT
         return max(press, stiffness * (seat + HEIGHT - posture.z))
 
     def _outer(self, goal: Goal) -> float:
         if goal.phase < PHASES.index("unfold") or self.outer_at(goal.posture):
             return 0.0
-        overhang = 0.5 * STRIP.length_m - self.task.config.layout.holes.outer.along_m
+        overhang = 0.5 * STRIP.length_m - self.program.config.layout.holes.outer.along_m
         stiffness = 3.0 * STRIP.bending_stiffness_nm2 / overhang**3
         down = STRIP.length_m / math.pi * (TOUCH_RAD - goal.posture.alpha)
         return stiffness * max(down, 0.0)
@@ -102,13 +112,9 @@ class World:
 
 def play(world: World) -> list[Goal]:
     """Run the program in its world; return all goals."""
-    steps = world.task.steps()
-    goal = next(steps)
-    while True:
-        try:
-            goal = steps.send(world.answer(goal))
-        except StopIteration:
-            return world.goals
+    while world.task.goal is not None:
+        world.task.advance(world.answer(world.task.goal))
+    return world.goals
 
 
 def stopped(world: World) -> str:
@@ -138,12 +144,13 @@ def test_a_sheet_that_fits_is_laid_in_the_order_of_the_phases(config: AssemblyCo
     assert {goal.attempt for goal in goals} == {0}
 
 
-def test_a_book_is_that_many_times_the_same_each_a_thickness_higher() -> None:
+def test_a_stack_is_that_many_times_the_same_each_a_thickness_higher() -> None:
     config = msgspec.structs.replace(COMPLIANT, sheets=3)
-    task = make(config)
-    goals = play(World(task))
+    world = World(make(config))
+    goals = play(world)
     assert phases(goals) == list(PHASES) * 3
-    assert task.laid == 3
+    assert [phase.name for phase in world.program.table] == list(PHASES) * 3
+    assert world.task.state.laid == 3
     lowest = [
         min(goal.posture.z for goal in group)
         for phase, group in groupby(goals, key=lambda goal: goal.phase)
@@ -156,9 +163,9 @@ def test_a_book_is_that_many_times_the_same_each_a_thickness_higher() -> None:
 
 def test_the_phases_end_at_the_waypoints() -> None:
     """What is examined before a run is what is gone through in it."""
-    task = make()
-    named, start = dict(task.waypoints()), task.start
-    goals = play(World(task))
+    program = make()
+    named, start = dict(program.waypoints()), program.start
+    goals = play(World(program))
     ends = {PHASES[goal.phase]: goal.posture for goal in goals}
     away = COMPLIANT.retreat_m
     # Analytic: the same numbers; the last one of a phase is its way-point.
@@ -200,7 +207,7 @@ def test_no_goal_jumps(place: int) -> None:
     """Every component stays below its configured speed, through retries and the next sheet too."""
     config = msgspec.structs.replace(FEW, sheets=2)
     world = World(make(config), middle_at=misfits(place))
-    goals = [Goal(phase=0, posture=world.task.start), *play(world)]
+    goals = [Goal(phase=0, posture=world.program.start), *play(world)]
     found, speeds = rates(goals), config.speeds
     # Analytic bounds: peaks of the polynomials; back from a touch at 2 /s times the softness.
     assert found["way"] <= speeds.travel_m_per_s * (1 + 1e-9)
@@ -245,6 +252,45 @@ def test_no_speed_is_above_its_bound_whatever_the_bounds(
     assert rates(near)["z"] <= max(contact, seat) * (1 + 1e-9)
 
 
+# --- an execution's state -----------------------------------------------------------------------
+
+
+def pickled(task: Execution) -> Execution:
+    again: Execution = pickle.loads(pickle.dumps(task))
+    return again
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, pickled])
+def test_a_copy_in_its_place_goes_on_with_the_same_goals(
+    copied: Callable[[Execution], Execution],
+) -> None:
+    """In every third cycle: on a tip, in the search, between sheets; the state is all there is."""
+    config = msgspec.structs.replace(FEW, sheets=2)
+    whole, cut = (
+        World(make(config), middle_at=misfits(1), outer_at=lambda posture: posture.yaw > 1e-3)
+        for _ in range(2)
+    )
+    while cut.task.goal is not None:
+        sensed = cut.answer(cut.task.goal)
+        if len(cut.goals) % 3 == 0:
+            cut.task = copied(cut.task)
+        cut.task.advance(sensed)
+    # Analytic: the same numbers.
+    assert cut.goals == play(whole)
+    assert {goal.seeking for goal in cut.goals} == {False, True}
+
+
+def test_executions_of_one_program_do_not_share_what_they_remember() -> None:
+    program = make(FEW)
+    alone = [play(World(program)), play(World(program, middle_at=misfits(2)))]
+    first, second = World(program), World(program, middle_at=misfits(2))
+    while second.task.goal is not None:
+        for world in (first, second):
+            if world.task.goal is not None:
+                world.task.advance(world.answer(world.task.goal))
+    assert [first.goals, second.goals] == alone
+
+
 # --- when the sheet may comply ------------------------------------------------------------------
 
 
@@ -254,18 +300,18 @@ def test_the_sheet_complies_only_where_it_may_touch(place: int) -> None:
     for goal in goals:
         name = PHASES[goal.phase]
         if name in ("approach", "grasp", "lift", "carry", "bend", "release", "withdraw"):
-            assert goal.bend is None, name
+            assert goal.alpha_ratio is None, name
         if name.startswith("seat"):
-            assert goal.bend is not None, name
-        if goal.bend is not None:
+            assert goal.alpha_ratio is not None, name
+        if goal.alpha_ratio is not None:
             # The stiffness that is scheduled is that of a sheet bent this far.
-            assert goal.bend <= goal.posture.alpha / BEND_RAD + 1e-12
-            assert goal.bend >= 0.0
+            assert goal.alpha_ratio <= goal.posture.alpha / BEND_RAD + 1e-12
+            assert goal.alpha_ratio >= 0.0
         assert not goal.seeking or name in ("lower", "lower outer")
     seeking = [goal for goal in goals if goal.seeking]
     # It seeks where it is held up, and only there.
     assert bool(seeking) == (place > 0)
-    assert all(goal.bend is not None for goal in seeking)
+    assert all(goal.alpha_ratio is not None for goal in seeking)
 
 
 def test_seeking_an_outer_pin_the_sheet_complies_as_far_as_it_is_bent() -> None:
@@ -275,7 +321,7 @@ def test_seeking_an_outer_pin_the_sheet_complies_as_far_as_it_is_bent() -> None:
     assert {PHASES[goal.phase] for goal in seeking} == {"lower outer"}
     for goal in seeking:
         # Analytic: the same ratio.
-        assert goal.bend == pytest.approx(goal.posture.alpha / BEND_RAD)
+        assert goal.alpha_ratio == pytest.approx(goal.posture.alpha / BEND_RAD)
         assert goal.posture.alpha < TOUCH_RAD
 
 
@@ -329,7 +375,7 @@ def test_a_weight_within_half_of_it_is_carried_on(weight: float) -> None:
 
 
 @pytest.mark.parametrize("config", [FEW, msgspec.structs.replace(FEW, compliance=None)])
-def test_held_up_middle_is_searched_for_at_every_place_then_given_up(
+def test_a_middle_held_up_at_every_place_of_the_search_stops_the_task(
     config: AssemblyConfig,
 ) -> None:
     world = World(make(config), middle_at=lambda _: False)
@@ -358,7 +404,7 @@ def test_the_search_ends_where_the_holes_fit(place: int) -> None:
 
 
 @pytest.mark.parametrize("config", [FEW, msgspec.structs.replace(FEW, compliance=None)])
-def test_a_held_up_end_is_tried_again_then_given_up(config: AssemblyConfig) -> None:
+def test_an_end_held_up_in_every_attempt_stops_the_task(config: AssemblyConfig) -> None:
     world = World(make(config), outer_at=lambda _: False)
     reason = stopped(world)
     assert reason.startswith(
@@ -406,8 +452,7 @@ def test_grips_that_do_not_arrive_stop_the_task_in_time() -> None:
 
 
 def test_jaws_that_do_not_open_stop_the_task() -> None:
-    task = make()
-    world = World(task)
+    world = World(make())
     answer = world.answer
 
     def stuck(goal: Goal) -> Sensed:
@@ -457,7 +502,7 @@ def test_what_the_sensors_drifted_by_before_the_bend_ended_is_not_felt(drift: fl
     assert {goal.attempt for goal in goals} == {0}
     assert not any(goal.seeking for goal in goals)
     # Analytic: the difference of two equal numbers.
-    touched = world.task.contact_wrench(np.array([0.3, -0.2, 0.0, 0.05]))
+    touched = world.task.state.contact_wrench(np.array([0.3, -0.2, 0.0, 0.05]))
     np.testing.assert_allclose(touched, 0.0, atol=1e-12)
 
 
@@ -504,7 +549,9 @@ def held_force(height: float) -> float:
 @pytest.mark.parametrize("height", [0.0, 0.2e-3, 2e-3, 6e-3])
 def test_the_force_between_rigid_grips_is_that_of_least_energy(height: float) -> None:
     # Both solve the same equations, to 1e-6 or so: no discretisation to speak of.
-    assert make()._middle_force(height) == pytest.approx(held_force(height), rel=1e-3, abs=1e-5)
+    assert middle_force(STRIP, PATH, height) == pytest.approx(
+        held_force(height), rel=1e-3, abs=1e-5
+    )
 
 
 @pytest.mark.parametrize("config", [COMPLIANT, RIGID])
@@ -518,5 +565,5 @@ def test_a_sheet_may_be_laid_without_any_press(config: AssemblyConfig) -> None:
 
 
 def test_the_press_is_less_than_what_tells_of_a_tip() -> None:
-    task = make()
-    assert 0.0 < task.press_force_n < task.tip_force_n
+    program = make()
+    assert 0.0 < program.press_force_n < program.tip_force_n

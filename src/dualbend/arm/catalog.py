@@ -1,4 +1,4 @@
-"""The arms that can be named: what the files do not say, each number with its grade.
+"""The arms that can be named: what their files do not say, each number with its grade.
 
 Geometry, masses, joint limits, speeds and torques of an arm from the package example-robot-data are
 read from its URDF. This table has what no URDF holds: where the flange is, payload, reach, rotors.
@@ -62,46 +62,37 @@ class UrdfFacts:
     grade: str
 
 
-_UR = "ros-industrial/universal_robot (ur_description)"
-_UR_SHEET = "Universal Robots CB3 data sheets (recalled)"
 _UR_GRADE = "manufacturer's masses; inertias of cylinders, no friction"
 _WRISTS = (
     "; the wrists' inertias are those of a body of 0.4 m radius of gyration, as in the upstream"
 )
 
+
+def _universal(
+    name: ArmName,
+    payload_kg: float,
+    reach_m: float,
+    grade: str = _UR_GRADE,
+    torque_limit_n_m: tuple[float, ...] | None = None,
+) -> UrdfFacts:
+    return UrdfFacts(
+        file=f"ur_description/urdf/{name}_robot.urdf",
+        base="base_link",
+        flange="tool0",
+        payload_kg=payload_kg,
+        reach_m=reach_m,
+        rated="Universal Robots CB3 data sheets (recalled)",
+        torque_limit_n_m=torque_limit_n_m,
+        upstream="ros-industrial/universal_robot (ur_description)",
+        grade=grade,
+    )
+
+
 URDF_ARMS: Final[dict[ArmName, UrdfFacts]] = {
-    "ur3": UrdfFacts(
-        file="ur_description/urdf/ur3_robot.urdf",
-        base="base_link",
-        flange="tool0",
-        payload_kg=3.0,
-        reach_m=0.5,
-        rated=_UR_SHEET,
-        # The file repeats the UR10's 330, 150 and 54 N m; these are recalled of the UR3's sheet.
-        torque_limit_n_m=(56.0, 56.0, 28.0, 12.0, 12.0, 12.0),
-        upstream=_UR,
-        grade=_UR_GRADE,
-    ),
-    "ur5": UrdfFacts(
-        file="ur_description/urdf/ur5_robot.urdf",
-        base="base_link",
-        flange="tool0",
-        payload_kg=5.0,
-        reach_m=0.85,
-        rated=_UR_SHEET,
-        upstream=_UR,
-        grade=_UR_GRADE + _WRISTS,
-    ),
-    "ur10": UrdfFacts(
-        file="ur_description/urdf/ur10_robot.urdf",
-        base="base_link",
-        flange="tool0",
-        payload_kg=10.0,
-        reach_m=1.3,
-        rated=_UR_SHEET,
-        upstream=_UR,
-        grade=_UR_GRADE,
-    ),
+    # The file repeats the UR10's 330, 150 and 54 N m; these are recalled of the UR3's sheet.
+    "ur3": _universal("ur3", 3.0, 0.5, torque_limit_n_m=(56.0, 56.0, 28.0, 12.0, 12.0, 12.0)),
+    "ur5": _universal("ur5", 5.0, 0.85, grade=_UR_GRADE + _WRISTS),
+    "ur10": _universal("ur10", 10.0, 1.3),
     "panda": UrdfFacts(
         file="panda_description/urdf/panda.urdf",
         base="panda_link0",

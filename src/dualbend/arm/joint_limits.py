@@ -1,4 +1,4 @@
-"""How much room arms have along a way: manipulability, and distance to the joints' limits."""
+"""How near two arms come to singular poses and to the limits of their joints along a path."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from dualbend.arm.placement import largest_manipulability
 from dualbend.types import SIDES, Vector
 
 
-class ArmRoom(msgspec.Struct, frozen=True, kw_only=True):
-    """Of one arm along a way: the smallest manipulability and room to a limit.
+class JointLimitMargins(msgspec.Struct, frozen=True, kw_only=True):
+    """Smallest manipulability and joint-limit margin of one arm along a path; None for no path.
 
     ``manipulability`` is √det(J Jᵀ) of the Jacobian scaled by the reach, over the arm's largest
-    [-]; ``room_deg`` the nearest that ``joint`` comes to a limit [degrees]. None for no way.
+    [-]; ``margin_deg`` the smallest distance of ``joint`` to a limit [degrees].
     """
 
     arm: str
     manipulability: float | None
-    room_deg: float | None
+    margin_deg: float | None = msgspec.field(name="room_deg")
     joint: str | None
 
 
-def arm_room(arms: ArmPair, q: Vector) -> dict[str, ArmRoom]:
-    """Return the room of both arms, by side, over joint angles (k, n); rows of NaN do not count."""
-    found: dict[str, ArmRoom] = {}
+def joint_limit_margins(arms: ArmPair, q: Vector) -> dict[str, JointLimitMargins]:
+    """Return the margins of both arms, by side, over joint angles (k, n); NaN rows do not count."""
+    found: dict[str, JointLimitMargins] = {}
     solved = q[~np.isnan(q).any(axis=1)]
     for side, placed in zip(SIDES, arms, strict=True):
         model, mine = placed.model, solved[:, arms.joints(side)]
         low, high = np.array(model.range_rad).T
-        room = np.minimum(mine - low, high - mine).min(axis=0, initial=math.inf)
-        tight = int(np.argmin(room))
+        margins = np.minimum(mine - low, high - mine).min(axis=0, initial=math.inf)
+        tight = int(np.argmin(margins))
         share = serial_chain(model.name).manipulability(mine) / largest_manipulability(model.name)
         some = len(mine) > 0
-        found[side] = ArmRoom(
+        found[side] = JointLimitMargins(
             arm=model.name,
             manipulability=float(share.min()) if some else None,
-            room_deg=math.degrees(room[tight]) if some else None,
+            margin_deg=math.degrees(margins[tight]) if some else None,
             joint=model.joint_names[tight] if some else None,
         )
     return found

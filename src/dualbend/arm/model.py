@@ -15,7 +15,7 @@ import numpy as np
 
 from dualbend.arm.catalog import PACKAGE, URDF_ARMS, ArmName
 from dualbend.arm.mjcf import load_puma, with_gripper
-from dualbend.arm.urdf_model import load_urdf_arm, torque_limits, urdf_chain
+from dualbend.arm.urdf import UrdfFile, package_folder
 from dualbend.types import Vector
 
 PUMA: Final = "puma560"
@@ -62,6 +62,7 @@ class ArmModel:
     grade : how good the dynamics are: measured, manufacturer, or what is assumed
     assumed : what the data lacks, and what stands in for it
     placement : a documented place for the paper's experiment; None: found for each scenario
+    urdf : the file that the arm is made from; None: the package's own MJCF
     """
 
     name: ArmName
@@ -79,6 +80,7 @@ class ArmModel:
     grade: str
     assumed: tuple[str, ...] = ()
     placement: Placement | None = None
+    urdf: UrdfFile | None = None
 
     @property
     def count(self) -> int:
@@ -96,7 +98,7 @@ class ArmModel:
         The frame of ``base`` is the arm's own, z up; gravity compensation reaches the joints only
         in a model with at least one actuator.
         """
-        return load_puma() if self.name == PUMA else load_urdf_arm(self.name, looks=looks)
+        return load_puma() if self.urdf is None else self.urdf.read(looks=looks).spec
 
 
 def scene_joints(count: int) -> tuple[str, ...]:
@@ -113,33 +115,43 @@ def arm_model(name: ArmName) -> ArmModel:
     InputError
         The package that has the arm's files is not installed.
     """
-    return _puma() if name == PUMA else _from_urdf(name)
+    if name == PUMA:
+        return _puma()
+    share, facts = package_folder(PACKAGE), URDF_ARMS[name]
+    return urdf_model(name, UrdfFile(file=share / "robots" / facts.file, share=share, facts=facts))
 
 
-def _from_urdf(name: ArmName) -> ArmModel:
-    """Return an arm of the package: what its URDF holds, the rest from the table."""
-    chain, facts = urdf_chain(name), URDF_ARMS[name]
-    joints = chain.joints
+def urdf_model(name: ArmName, urdf: UrdfFile) -> ArmModel:
+    """Return the arm of a file: what its URDF holds, the rest from the facts beside it.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no chain of hinges with masses and limits.
+    """
+    arm, facts = urdf.read(looks=False), urdf.facts
+    joints = arm.spec.joints
     assumed = [f"rotor inertia {facts.armature_kg_m2:g} kg m² at every joint (no URDF has it)"]
-    if not any(joint.damping or joint.friction for joint in joints):
+    if not any(joint.damping[0] or joint.frictionloss for joint in joints):
         assumed.append("no friction in the joints (the URDF gives none)")
     if facts.torque_limit_n_m is not None:
         assumed.append("torque limits of the manufacturer (the URDF has another arm's)")
     return ArmModel(
         name=name,
-        joint_names=tuple(joint.name for joint in joints),
-        range_rad=tuple(joint.range_rad for joint in joints),
-        speed_limit_rad_per_s=tuple(joint.speed_rad_per_s for joint in joints),
-        torque_limit_n_m=torque_limits(name),
+        joint_names=arm.joint_names,
+        range_rad=tuple((float(joint.range[0]), float(joint.range[1])) for joint in joints),
+        speed_limit_rad_per_s=arm.speed_limit_rad_per_s,
+        torque_limit_n_m=tuple(float(joint.actfrcrange[1]) for joint in joints),
         armature_kg_m2=(facts.armature_kg_m2,) * len(joints),
-        viscous_n_m_s_per_rad=tuple(joint.damping for joint in joints),
-        coulomb_n_m=tuple(joint.friction for joint in joints),
-        stiffness_n_m_per_rad=rule_stiffness(load_urdf_arm(name, looks=False)),
+        viscous_n_m_s_per_rad=tuple(float(joint.damping[0]) for joint in joints),
+        coulomb_n_m=tuple(float(joint.frictionloss) for joint in joints),
+        stiffness_n_m_per_rad=rule_stiffness(arm.spec),
         payload_kg=facts.payload_kg,
         reach_m=facts.reach_m,
         source=f"{PACKAGE}, {facts.file}, from {facts.upstream}; ratings: {facts.rated}",
         grade=facts.grade,
         assumed=tuple(assumed),
+        urdf=urdf,
     )
 
 

@@ -1,7 +1,7 @@
 """Where an arm should stand for its work: base, elbow and wrist branch, found by trial.
 
 The best place has the largest smallest share of what runs out first along the path: manipulability,
-over the arm's largest, or room to a joint's limit, over half its range. Thousands of places and
+over the arm's largest, or a joint-limit margin, over half the range. Thousands of places and
 branches are tried at once on a grid, the best are followed along the path, the winner is refined.
 """
 
@@ -22,8 +22,8 @@ from dualbend.arm.model import Placement, arm_model
 from dualbend.errors import InputError
 from dualbend.types import Vector
 
-LEAST_MARGIN_RAD: Final = np.radians(5.0)
-"""Room that every joint must keep to its limits along the path."""
+MIN_MARGIN_RAD: Final = np.radians(5.0)
+"""Joint-limit margin that every joint must keep along the path."""
 
 _SEED, _SEEDS, _KEPT, _REFINED = 11, 12, 200, 2
 _REACHED = 1e-5
@@ -43,7 +43,7 @@ class FoundPlacement:
     """A place, and how good it is along the path.
 
     ``manipulability``: the smallest √det(J Jᵀ), over the largest of the arm [-]; ``margin_rad``:
-    the smallest room to a limit, of ``joint``.
+    the smallest joint-limit margin, of ``joint``.
     """
 
     placement: Placement
@@ -60,7 +60,7 @@ class _Tried:
     q: Vector
     score: Vector
     manipulability: Vector
-    room: Vector
+    margin: Vector
     miss: Vector
     clear: NDArray[np.bool_]
 
@@ -78,8 +78,8 @@ def find_placement(
     Raises
     ------
     InputError
-        No place lets the arm reach all poses with 5° of room to every limit, clear of itself, of
-        the floor and of the sheet; the message says what is missing.
+        No place lets the arm reach all poses with 5° of joint-limit margin, clear of itself, of the
+        floor and of the sheet; the message says what is missing.
     """
     shape = tuple(targets.shape)
     return _find(name, np.ascontiguousarray(targets).tobytes(), shape, tuple(given.items()))
@@ -141,7 +141,7 @@ class _Search:
         # In the middle of the path, from where it is half as far to either end.
         middle = len(self._targets) // 2
         q, miss = self._reach(every, middle, starts, None, 30)
-        worth = np.minimum(self._chain.manipulability(q) / self._best, self._room(q).min(axis=1))
+        worth = np.minimum(self._chain.manipulability(q) / self._best, self._free(q).min(axis=1))
         worth = np.where(miss < 1e-3, worth, -miss)
         order = np.argsort(-worth, kind="stable")
         _, first = np.unique(np.hstack((every, q))[order].round(3), axis=0, return_index=True)
@@ -197,23 +197,27 @@ class _Search:
         jacobian = self._chain.jacobian(grip, axes, points)
         manipulability = volume(jacobian).reshape(len(base), -1).min(axis=1)
         clear = self._clear(base, points.reshape(*every.shape, 3))
-        room = self._room(flat).reshape(*every.shape[:2], -1).min(axis=(1, 2))
-        margin = np.minimum(every - self._low, self._high - every).min(axis=(1, 2))
-        worth = np.minimum(manipulability / self._best, room)
-        allowed = (worst < _REACHED) & (margin >= LEAST_MARGIN_RAD) & clear
+        margin = self._margins(every).min(axis=(1, 2))
+        free = self._free(every).min(axis=(1, 2))
+        worth = np.minimum(manipulability / self._best, free)
+        allowed = (worst < _REACHED) & (margin >= MIN_MARGIN_RAD) & clear
         return _Tried(
             base=base,
             q=every,
             score=np.where(allowed, worth, 0.0),
             manipulability=manipulability / self._best,
-            room=margin,
+            margin=margin,
             miss=worst,
             clear=clear,
         )
 
-    def _room(self, q: Vector) -> Vector:
-        """Return each joint's room to its nearer limit, over half its range (b, n)."""
-        return np.asarray(np.minimum(q - self._low, self._high - q) / self._half)
+    def _margins(self, q: Vector) -> Vector:
+        """Return how far every joint (..., n) is from its nearer limit [rad]."""
+        return np.asarray(np.minimum(q - self._low, self._high - q))
+
+    def _free(self, q: Vector) -> Vector:
+        """Return the joint-limit margins (..., n) over half the range."""
+        return np.asarray(self._margins(q) / self._half)
 
     def _clear(self, base: Vector, points: Vector) -> NDArray[np.bool_]:
         """Tell where no joint (b, k, n, 3) is near the floor, or beyond the grip at the sheet."""
@@ -243,7 +247,7 @@ class _Search:
                 moves = np.concatenate((np.diag(sizes), -np.diag(sizes)))
                 still = self._fixed.copy()
                 # A turn of the base only moves the range of an upright first joint.
-                still[3] |= int(np.argmin(self._room(one.q[0]).min(axis=0))) != 0
+                still[3] |= int(np.argmin(self._free(one.q[0]).min(axis=0))) != 0
                 moves = moves[~np.tile(still, 2)]
                 bases = one.base + moves
                 starts = np.repeat(one.q[:, 0], len(bases), axis=0)
@@ -273,7 +277,7 @@ class _Search:
 
     def _report(self, one: _Tried) -> FoundPlacement:
         distance, lateral, height, yaw = one.base[0].tolist()
-        margins = np.minimum(one.q[0] - self._low, self._high - one.q[0]).min(axis=0)
+        margins = self._margins(one.q[0]).min(axis=0)
         tight = int(np.argmin(margins))
         home = self._given.get("home_rad", tuple(one.q[0, 0].round(6).tolist()))
         assert isinstance(home, tuple)
@@ -296,20 +300,18 @@ class _Search:
         reached = tried.miss < _REACHED
         if not reached.any():
             best = int(np.argmin(tried.miss))
-            path = tried.q[best]
-            stuck = np.minimum(path - self._low, self._high - path).min(axis=0) < _REACHED
+            stuck = self._margins(tried.q[best]).min(axis=0) < _REACHED
             at = [joint for joint, is_stuck in zip(arm.joint_names, stuck, strict=True) if is_stuck]
             return head + (
                 f"no base reaches all poses of the path, the best of {len(tried.miss)} misses one "
                 f"by {1e3 * arm.reach_m * tried.miss[best]:.0f} mm"
                 + (f" with {' and '.join(at)} at a limit" if at else "")
             )
-        room = np.degrees(tried.room[reached].max())
-        if room < np.degrees(LEAST_MARGIN_RAD):
-            least = np.degrees(LEAST_MARGIN_RAD)
+        margin, needed = np.degrees(tried.margin[reached].max()), np.degrees(MIN_MARGIN_RAD)
+        if margin < needed:
             return head + (
-                f"where it reaches all poses, a joint comes within {room:.1f} degrees of its limit;"
-                f" {least:.0f} are needed"
+                f"where it reaches all poses, a joint comes within {margin:.1f} degrees of its "
+                f"limit; {needed:.0f} are needed"
             )
         return head + "where it reaches all poses, it touches itself, the floor or the sheet"
 

@@ -1,8 +1,7 @@
-"""An arm's URDF, read as text: the chain of moving links from a base to a flange.
+"""An arm from its URDF as a MuJoCo specification: MuJoCo's own parser reads it.
 
-No loader of the package is imported, and nothing of MuJoCo: what is read here is also what the
-oracle of the dynamics reads. Links that hang beside the chain or beyond the flange are left out,
-links that are fixed to each other are one.
+Before, the file is cut to the chain between base and flange, and links and joints get the names
+that every arm has; after, joints get what no URDF holds, links a capsule that collides and looks.
 """
 
 from __future__ import annotations
@@ -12,66 +11,69 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import Final
 
+import mujoco
 import numpy as np
 
+from dualbend.arm.catalog import UrdfFacts
+from dualbend.arm.meshes import read_mesh
+from dualbend.arm.mjcf import FLANGE_SITE
 from dualbend.errors import InputError
 from dualbend.types import Vector
 
-_TURN = 2.0 * math.pi
+_LIGHT, _DARK = (0.86, 0.87, 0.88, 1.0), (0.36, 0.42, 0.50, 1.0)
+_HARD_FRICTION: Final = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+"""Nearly hard dry friction, as the PUMA's: the default smears it over 5 mrad/s."""
+
+_TURN: Final = 2.0 * math.pi
 """Range to each side of a joint that the file calls continuous [rad]."""
 
+_NEIGHBOURS = 2
+"""Links this near in the chain overlap at their joints: their capsules do not collide."""
+
+_AS_IT_IS: Final = {"discardvisual": "false", "fusestatic": "false"}
+"""MuJoCo's parser drops by default what only shows, and fuses the base with the world."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UrdfArm:
+    """A serial arm of n joints from its URDF.
+
+    Attributes
+    ----------
+    spec : bodies ``base`` and ``link1`` ... ``link<n>`` with the URDF's frames, joints ``joint1``
+        ... ``joint<n>``, site ``flange`` with z outward; no actuators
+    joint_names : the URDF's (n,)
+    speed_limit_rad_per_s : (n,), which MuJoCo's joints do not have
+    """
+
+    spec: mujoco.MjSpec
+    joint_names: tuple[str, ...]
+    speed_limit_rad_per_s: tuple[float, ...]
+
 
 @dataclass(frozen=True, kw_only=True)
-class UrdfMesh:
-    """A mesh file and where it is in the moving link's frame (4, 4), with its scale (3,)."""
+class UrdfFile:
+    """A URDF with what it does not say; ``share`` is the folder of ``package://`` names."""
 
     file: Path
-    pose: Vector
-    scale: Vector
+    share: Path
+    facts: UrdfFacts
 
+    def read(self, *, looks: bool) -> UrdfArm:
+        """Return the arm between base and flange, with meshes to look at or without.
 
-@dataclass(frozen=True, kw_only=True)
-class UrdfLink:
-    """What moves together: mass [kg], centre (3,) [m], inertia about it (3, 3) [kg m²], meshes.
+        Links that hang beside the chain or beyond the flange are left out, links that are fixed to
+        each other are one. Gravity is held up by the joints' own drives, as in
+        :func:`dualbend.arm.mjcf.load_puma`.
 
-    All in the frame of the link that the joint moves. ``visuals`` and ``collisions`` are as the
-    file has them.
-    """
-
-    name: str
-    mass_kg: float
-    centre_m: Vector
-    inertia_kg_m2: Vector
-    visuals: tuple[UrdfMesh, ...]
-    collisions: tuple[UrdfMesh, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
-class UrdfJoint:
-    """A joint: pose (4, 4) of its frame in the moving link before it, axis (3,) in its own frame.
-
-    ``damping`` [N m s/rad] and ``friction`` [N m] are 0 where the file does not have them.
-    """
-
-    name: str
-    pose: Vector
-    axis: Vector
-    range_rad: tuple[float, float]
-    effort_n_m: float
-    speed_rad_per_s: float
-    damping: float
-    friction: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class UrdfChain:
-    """Base link, n joints each with the link that it moves, and the flange (4, 4) in the last."""
-
-    base: UrdfLink
-    joints: tuple[UrdfJoint, ...]
-    links: tuple[UrdfLink, ...]
-    flange: Vector
+        Raises
+        ------
+        InputError
+            The file cannot be read, or is no chain of hinges with masses and limits.
+        """
+        return _Reader(self).arm(looks=looks)
 
 
 def package_folder(package: str) -> Path:
@@ -98,171 +100,221 @@ def package_folder(package: str) -> Path:
     return folder
 
 
-def read_chain(file: Path, base: str, flange: str, share: Path) -> UrdfChain:
-    """Return the chain between two links; ``share`` is the folder of ``package://`` names.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is no chain of hinges with masses and limits between the two.
-    """
-    try:
-        root = ET.parse(file).getroot()
-    except (OSError, ET.ParseError) as error:
-        raise InputError(f"{file}: cannot be read as URDF: {error}") from error
-    return _Reader(root, file, share).chain(base, flange)
-
-
 class _Reader:
-    def __init__(self, root: ET.Element, file: Path, share: Path) -> None:
-        self._file, self._share = file, share
-        self._links = {link.attrib["name"]: link for link in root.findall("link")}
-        self._above = {_link_of(joint, "child"): joint for joint in root.findall("joint")}
+    def __init__(self, source: UrdfFile) -> None:
+        self._source, self._facts = source, source.facts
+        try:
+            self._root = ET.parse(source.file).getroot()
+        except (OSError, ET.ParseError) as error:
+            raise self._error(f"cannot be read as URDF: {error}") from error
 
-    def chain(self, base: str, flange: str) -> UrdfChain:
-        joints: list[UrdfJoint] = []
-        groups: list[list[tuple[str, Vector]]] = [[(base, np.eye(4))]]
-        pose = np.eye(4)
-        for element in self._path(base, flange):
-            child = _link_of(element, "child")
-            pose = pose @ _pose(element.find("origin"))
-            if element.attrib["type"] == "fixed":
-                # The flange is where the arm ends: what the file puts there is a tool.
-                if child != flange:
-                    groups[-1].append((child, pose))
-                continue
-            joints.append(self._joint(element, pose))
-            groups.append([(child, np.eye(4))])
-            pose = np.eye(4)
-        base_link, *links = (self._lump(group) for group in groups)
-        for link in links:
-            if not link.mass_kg > 0.0:
-                raise InputError(f"{self._file}: link {link.name!r} moves and has no mass")
-        return UrdfChain(base=base_link, joints=tuple(joints), links=tuple(links), flange=pose)
+    def arm(self, *, looks: bool) -> UrdfArm:
+        links, joints = self._chain()
+        moved = [(j, link) for j, link in zip(joints, links[1:], strict=True) if _turns(j)]
+        names = tuple(joint.attrib["name"] for joint, _ in moved)
+        moving = [link.attrib["name"] for _, link in moved]
+        speeds = tuple(self._speed(joint) for joint, _ in moved)
+        self._cut(links, joints)
+        spec = self._parsed()
+        _add_shapes(spec, looks=looks)
+        spec.fuse_static()
+        for name, link in zip(moving, spec.bodies[2:], strict=True):
+            link.gravcomp = 1.0
+            if not link.mass > 0.0:
+                raise self._error(f"link {name!r} moves and has no mass")
+        self._add_drives(spec)
+        return UrdfArm(spec=spec, joint_names=names, speed_limit_rad_per_s=speeds)
 
-    def _path(self, base: str, flange: str) -> list[ET.Element]:
-        path: list[ET.Element] = []
-        link = flange
-        while link != base:
-            if link not in self._above:
-                raise InputError(f"{self._file}: no chain of joints from {base!r} to {flange!r}")
-            path.append(self._above[link])
-            link = _link_of(path[-1], "parent")
-        return path[::-1]
+    def _error(self, text: str) -> InputError:
+        return InputError(f"{self._source.file}: {text}")
 
-    def _joint(self, element: ET.Element, pose: Vector) -> UrdfJoint:
-        name, kind = element.attrib["name"], element.attrib["type"]
-        limit, dynamics = element.find("limit"), element.find("dynamics")
+    def _chain(self) -> tuple[list[ET.Element], list[ET.Element]]:
+        """Return links and joints from base to flange, in order."""
+        links = {link.get("name", ""): link for link in self._root.findall("link")}
+        above = {
+            self._end(joint, "child").attrib["link"]: joint for joint in self._root.findall("joint")
+        }
+        joints: list[ET.Element] = []
+        names = [self._facts.flange]
+        while names[0] != self._facts.base and names[0] in above:
+            joints.insert(0, above.pop(names[0]))
+            names.insert(0, self._end(joints[0], "parent").attrib["link"])
+        whole = names[0] == self._facts.base and links.keys() >= {*names}
+        if not whole or not any(map(_turns, joints)):
+            ends = f"{self._facts.base!r} to {self._facts.flange!r}"
+            raise self._error(f"no chain of joints from {ends}")
+        return [links[name] for name in names], joints
+
+    def _end(self, joint: ET.Element, role: str) -> ET.Element:
+        """Return the parent or child of a joint."""
+        end = joint.find(role)
+        if end is None or "link" not in end.attrib:
+            raise self._error(f"joint {joint.get('name')!r} has no {role} link")
+        return end
+
+    def _speed(self, joint: ET.Element) -> float:
+        """Return a joint's speed limit [rad/s]; a continuous joint gets a range."""
+        name, kind, limit = joint.get("name"), joint.get("type"), joint.find("limit")
         if kind not in ("revolute", "continuous") or limit is None:
-            raise InputError(f"{self._file}: joint {name!r} is {kind}; needs a hinge with limits")
-        axis_element = element.find("axis")
-        axis = _numbers("1 0 0" if axis_element is None else axis_element.attrib["xyz"])
-        known = {} if dynamics is None else dynamics.attrib
-        low, high = (-_TURN, _TURN)
-        if kind == "revolute":
-            low, high = (float(limit.attrib[key]) for key in ("lower", "upper"))
-        effort, speed = (float(limit.attrib.get(key, 0.0)) for key in ("effort", "velocity"))
-        if not (effort > 0.0 and speed > 0.0 and low < high):
-            raise InputError(f"{self._file}: joint {name!r} lacks effort, velocity or range")
-        return UrdfJoint(
-            name=name,
-            pose=pose,
-            axis=axis / np.linalg.norm(axis),
-            range_rad=(low, high),
-            effort_n_m=effort,
-            speed_rad_per_s=speed,
-            damping=float(known.get("damping", 0.0)),
-            friction=float(known.get("friction", 0.0)),
-        )
-
-    def _lump(self, group: list[tuple[str, Vector]]) -> UrdfLink:
-        """Return links that are fixed to each other as one."""
-        parts = [(_inertial(self._links[name]), pose) for name, pose in group]
-        mass = sum(part[0] for part, _ in parts)
-        centre, inertia = np.zeros(3), np.zeros((3, 3))
-        if mass > 0.0:
-            places = [(m, pose[:3, :3] @ c + pose[:3, 3]) for (m, c, _), pose in parts]
-            centre = np.asarray(sum((m * c for m, c in places), np.zeros(3)) / mass)
-            for (m, _, own), (_, place), pose in zip(
-                (part for part, _ in parts), places, (pose for _, pose in parts), strict=True
-            ):
-                r = place - centre
-                inertia += pose[:3, :3] @ own @ pose[:3, :3].T
-                inertia += m * (r @ r * np.eye(3) - np.outer(r, r))
-        return UrdfLink(
-            name=group[0][0],
-            mass_kg=mass,
-            centre_m=centre,
-            inertia_kg_m2=inertia,
-            visuals=self._meshes(group, "visual"),
-            collisions=self._meshes(group, "collision"),
-        )
-
-    def _meshes(self, group: list[tuple[str, Vector]], tag: str) -> tuple[UrdfMesh, ...]:
-        return tuple(
-            UrdfMesh(
-                file=self._resolve(mesh.attrib["filename"]),
-                pose=pose @ _pose(element.find("origin")),
-                scale=_numbers(mesh.attrib.get("scale", "1 1 1")),
+            raise self._error(f"joint {name!r} is {kind}; needs a hinge with limits")
+        if kind == "continuous":
+            joint.set("type", "revolute")
+            limit.attrib |= {"lower": repr(-_TURN), "upper": repr(_TURN)}
+        try:
+            low, high, effort, speed = (
+                float(limit.get(key, 0.0)) for key in ("lower", "upper", "effort", "velocity")
             )
-            for name, pose in group
-            for element in self._links[name].findall(tag)
-            if (mesh := element.find("geometry/mesh")) is not None
-        )
+        except ValueError as error:
+            raise self._error(f"joint {name!r}: {error}") from error
+        if not (effort > 0.0 and speed > 0.0 and low < high):
+            raise self._error(f"joint {name!r} lacks effort, velocity or range")
+        return speed
 
-    def _resolve(self, name: str) -> Path:
+    def _cut(self, links: list[ET.Element], joints: list[ET.Element]) -> None:
+        """Leave the chain alone in the file, under the names that every arm has."""
+        kept = [*links, *joints, *self._root.findall("material")]
+        for element in self._root.findall("*"):
+            if element not in kept:
+                self._root.remove(element)
+        base, flange = links[0], links[-1]
+        for inertial in base.findall("inertial"):
+            base.remove(inertial)  # what stands still needs no mass
+        if not _turns(joints[-1]):
+            # The flange is where the arm ends: what the file fixes there is a tool.
+            flange.clear()
+        base.set("name", "base")
+        name, count = "base", 0
+        for i, (joint, link) in enumerate(zip(joints, links[1:], strict=True)):
+            count += _turns(joint)
+            self._end(joint, "parent").set("link", name)
+            name = f"link{count}" if _turns(joint) else f"fixed{i}"
+            self._end(joint, "child").set("link", name)
+            link.set("name", name)
+            joint.set("name", f"joint{count}" if _turns(joint) else name)
+
+    def _parsed(self) -> mujoco.MjSpec:
+        """Return what MuJoCo reads, with files of meshes as paths."""
+        for mesh in self._root.iter("mesh"):
+            mesh.set("filename", str(self._resolved(mesh.get("filename", ""))))
+        ET.SubElement(ET.SubElement(self._root, "mujoco"), "compiler", _AS_IT_IS)
+        try:
+            spec = mujoco.MjSpec.from_string(ET.tostring(self._root, encoding="unicode"))
+        except ValueError as error:
+            raise self._error(f"cannot be read as URDF: {error}") from error
+        outward = np.empty(4)
+        mujoco.mju_euler2Quat(outward, np.array(self._facts.flange_rpy), "XYZ")
+        spec.bodies[-1].add_site(
+            name=FLANGE_SITE,
+            quat=outward,
+            group=4,
+            size=[0.006, 0.006, 0.006],
+            rgba=[0.9, 0.2, 0.1, 1.0],
+        )
+        spec.bodies[1].fuse = False
+        return spec
+
+    def _resolved(self, name: str) -> Path:
         if name.startswith("package://"):
             # The first part names the package, whose folder ``share`` is.
-            return self._share.joinpath(*name.removeprefix("package://").split("/")[1:])
-        return (self._file.parent / name.removeprefix("file://")).resolve()
+            return self._source.share.joinpath(*name.removeprefix("package://").split("/")[1:])
+        return (self._source.file.parent / name.removeprefix("file://")).resolve()
+
+    def _add_drives(self, spec: mujoco.MjSpec) -> None:
+        """Give links and joints what no URDF holds, and let neighbours overlap."""
+        facts = self._facts
+        for i, joint in enumerate(spec.joints):
+            joint.limited = joint.actfrclimited = joint.actgravcomp = True
+            joint.armature, joint.solimp_friction = facts.armature_kg_m2, _HARD_FRICTION
+            if facts.torque_limit_n_m is not None:
+                joint.actfrcrange = np.array([-1.0, 1.0]) * facts.torque_limit_n_m[i]
+        names = [body.name for body in spec.bodies[1:]]
+        for i, first in enumerate(names):
+            for second in names[i + 1 : i + 1 + _NEIGHBOURS]:
+                spec.add_exclude(bodyname1=first, bodyname2=second)
 
 
-def _inertial(link: ET.Element) -> tuple[float, Vector, Vector]:
-    """Return mass, centre and inertia about it in the link's axes; zero where there is none."""
-    element = link.find("inertial")
-    if element is None:
-        return 0.0, np.zeros(3), np.zeros((3, 3))
-    mass, tensor = element.find("mass"), element.find("inertia")
-    pose = _pose(element.find("origin"))
-    given = {} if tensor is None else tensor.attrib
-    xx, xy, xz, yy, yz, zz = (
-        float(given.get(key, 0.0)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+def _turns(joint: ET.Element) -> bool:
+    return joint.get("type") != "fixed"
+
+
+def _add_shapes(spec: mujoco.MjSpec, *, looks: bool) -> None:
+    """Put in place of the file's shapes a capsule a link, which collides, and meshes to look at."""
+    from_file, moved = spec.meshes, 0
+    for body in spec.bodies[1:]:
+        moved += len(body.joints)
+        shapes = body.geoms
+        drawn = [geom for geom in shapes if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
+        visual = [geom for geom in drawn if not geom.contype]
+        solid = [geom for geom in drawn if geom.contype] or visual
+        if solid:
+            _add_capsule(body, np.concatenate([_corners(spec, geom) for geom in solid]))
+        for geom in visual if looks else ():
+            _add_look(spec, body, geom, _DARK if moved in (2, 4, 6) else _LIGHT)
+        for geom in shapes:
+            spec.delete(geom)
+    for mesh in from_file:
+        spec.delete(mesh)
+
+
+def _corners(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> Vector:
+    """Return the corners (k, 3) of a geom's mesh in the link's frame [m]."""
+    mesh, turn = spec.mesh(geom.meshname), np.empty(9)
+    points = np.concatenate([part.vertices for part in read_mesh(Path(mesh.file))]) * mesh.scale
+    mujoco.mju_quat2Mat(turn, geom.quat)
+    return np.asarray(points @ turn.reshape(3, 3).T + geom.pos)
+
+
+def _add_look(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, geom: mujoco.MjsGeom, shade: tuple[float, ...]
+) -> None:
+    """Show a mesh in its own colours, or in a shade where the file has none."""
+    mesh = spec.mesh(geom.meshname)
+    for i, part in enumerate(read_mesh(Path(mesh.file))):
+        shape = spec.add_mesh(
+            name=f"{body.name}_{mesh.name}_{i}",
+            uservert=(part.vertices * mesh.scale).ravel(),
+            userface=part.faces.ravel(),
+            # Open surfaces have no volume, and their mass is not asked for.
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=shape.name,
+            pos=geom.pos,
+            quat=geom.quat,
+            rgba=part.rgba or shade,
+            mass=0.0,
+            contype=0,
+            conaffinity=0,
+            group=2,
+        )
+
+
+def _add_capsule(body: mujoco.MjsBody, points: Vector) -> None:
+    middle, axis, radius, half = capsule(points)
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, np.roll(np.eye(3), 2 - axis, axis=1).ravel())
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[radius, half, 0.0],
+        pos=middle,
+        quat=quat,
+        mass=0.0,
+        contype=1,
+        conaffinity=1,
+        group=3,
+        rgba=[0.3, 0.5, 0.9, 0.4],
     )
-    own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    turn = pose[:3, :3]
-    return (
-        0.0 if mass is None else float(mass.attrib["value"]),
-        pose[:3, 3],
-        np.asarray(turn @ own @ turn.T),
-    )
 
 
-def _link_of(joint: ET.Element, role: str) -> str:
-    element = joint.find(role)
-    assert element is not None, f"joint {joint.attrib['name']} has no {role}"
-    return element.attrib["link"]
+def capsule(points: Vector) -> tuple[Vector, int, float, float]:
+    """Return middle (3,), axis (0, 1, 2), radius and half length of a capsule about points (k, 3).
 
-
-def _numbers(text: str) -> Vector:
-    return np.array([float(part) for part in text.split()])
-
-
-def _pose(origin: ET.Element | None) -> Vector:
-    """Return the homogeneous transform (4, 4) of an ``origin``."""
-    pose = np.eye(4)
-    if origin is not None:
-        pose[:3, :3] = rotation_rpy(_numbers(origin.attrib.get("rpy", "0 0 0")))
-        pose[:3, 3] = _numbers(origin.attrib.get("xyz", "0 0 0"))
-    return pose
-
-
-def rotation_rpy(rpy: Vector) -> Vector:
-    """Return R = Rz(yaw) Ry(pitch) Rx(roll) (3, 3), URDF's order, from (roll, pitch, yaw) [rad]."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
+    Along the longest side of their box, as thick as the mean of the other two: a little too thin at
+    the corners, a little too thick at the faces.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = high - low
+    axis = int(np.argmax(size))
+    radius = 0.25 * float(size.sum() - size[axis])
+    return 0.5 * (low + high), axis, radius, max(0.5 * float(size[axis]) - radius, 1e-3)

@@ -1,4 +1,4 @@
-"""Checks of numbers that a user gave, and the scalar-or-array convention of this package."""
+"""Checks of input numbers, and the scalar-or-array convention of this package."""
 
 import math
 from typing import TypeVar

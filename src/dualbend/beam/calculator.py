@@ -33,12 +33,12 @@ def bent_sheet(
 ) -> dict[str, float | bool]:
     """Return force, moment, half distance, rise and largest curvature of a symmetric state.
 
-    Without a half distance the grips are where they feel no moment, paper (3). Without a weight
+    Without a half distance the grips have no end moment, paper (3). Without a weight
     that state is the closed form (1)-(5); everything else is solved by
     :mod:`dualbend.beam.rod.planar`.
-    Beside it: the bending stiffness taken, each way's over EI and the change of force that the
-    others would make [%]; with a material's limit the surface strain, the limit and whether it is
-    exceeded.
+    The result also contains the bending stiffness, and for each kind of rigidity its ratio to EI
+    and the change of force [%]; with a material's limit the surface strain, the limit and whether
+    it is exceeded.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def _state(
 
 
 def _rigidities(sheet: Sheet) -> dict[str, float]:
-    """Return the stiffness taken, and of each way to take it: over EI, and the force's change."""
+    """Return the stiffness; for each kind of rigidity its ratio to EI and the force change."""
     taken = sheet.rigidity_over_beam(sheet.rigidity)
     found = {
         "bending_stiffness_nm2": sheet.bending_stiffness_nm2,

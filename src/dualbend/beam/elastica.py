@@ -48,7 +48,7 @@ def _modulus(alpha: float | FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _shortening_ratio(m: FloatArray) -> FloatArray:
-    """1 − E/K = (m/3) R_D(0, 1 − m, 1) / K: no difference of nearly equal numbers."""
+    """1 − E/K = (m/3) R_D(0, 1 − m, 1) / K: without a difference of nearly equal numbers."""
     return np.asarray(m * elliprd(0.0, 1.0 - m, 1.0) / (3.0 * ellipk(m)))
 
 
@@ -65,7 +65,7 @@ def half_distance(alpha: Real, L: float) -> Real:
 
 
 def shortening(alpha: Real, L: float) -> Real:
-    """Return L/2 − x = L (1 − E/K) [m], to full relative accuracy however small α is."""
+    """Return L/2 − x = L (1 − E/K) [m], to full relative accuracy for any small α."""
     k, _ = _modulus(alpha)
     return like(alpha, np.asarray(positive("L", L) * _shortening_ratio(k * k)))
 

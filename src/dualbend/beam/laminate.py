@@ -1,4 +1,4 @@
-"""Laminates by classical lamination theory: what a stack of layers is as one plate.
+"""Laminates by classical lamination theory: the plate that is equivalent to a stack of layers.
 
 Kirchhoff's plate with layers that do not slip: N = A ε + B κ, M = B ε + D κ for forces N and
 moments M per width, stretch ε and curvature κ of the middle, with
@@ -92,11 +92,11 @@ class Laminate:
 
     @property
     def coupling(self) -> float:
-        """How far from symmetric, max |B| / (t max |A|): 0 for a stack that bends no way alone."""
+        """Asymmetry of the stack, max |B| / (t max |A|): 0 where stretch causes no bending."""
         return float(np.abs(self.B).max() / (self.thickness_m * np.abs(self.A).max()))
 
     def refuse_curl(self) -> None:
-        """Raise InputError where B is not 0: stretch, heat or cure would curl the sheet."""
+        """Raise InputError if B is not 0: stretch, heat or cure would curl the sheet."""
         if self.coupling > MOST_COUPLING:
             share = self.free_neutral_axis_m / self.thickness_m
             stack = ", ".join(f"{1e6 * x.thickness_m:g} µm {x.material.name}" for x in self.layers)
@@ -129,7 +129,7 @@ class Laminate:
         return np.asarray(np.linalg.inv(np.block([[self.A, self.B], [self.B, self.D]])))
 
     def surface_limit(self) -> float | None:
-        """Surface strain κ t/2 at which the first layer yields or breaks; None: none known.
+        """Surface strain κ t/2 at which the first layer yields or breaks; None: unknown.
 
         A layer reaches its own limit at its outer face z: κ = ε_limit / |z|.
         """

@@ -1,7 +1,7 @@
-"""Materials of a sheet: elastic constants, density, what is too much; each number with its source.
+"""Materials of a sheet: elastic constants, density and strength; each number has a source.
 
-The numbers are in ``models/materials/materials.toml``. A material is orthotropic in the plane where
-it says so: 1 is along the sheet, 2 across it.
+The numbers are in ``models/materials/materials.toml``. A material may be
+orthotropic in the plane: 1 is along the sheet, 2 across it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _NUMBERS = ("young_pa", "poisson_ratio", "density_kg_per_m3", *_OPTIONAL)
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Where a number is from, and how far to trust it."""
+    """The source of a number, and a grade of its reliability."""
 
     grade: Grade
     source: str
@@ -39,7 +39,7 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """What a sheet, or a layer of one, is made of.
+    """The material of a sheet or of a layer.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class Material:
 
     @property
     def limit_strain(self) -> float | None:
-        """Strain at which it yields, σ_y / E, or breaks where it does not yield; None: unknown."""
+        """Strain at yield, σ_y / E, or at failure if it does not yield; None: unknown."""
         if self.yield_pa is not None:
             return self.yield_pa / self.young_pa
         return self.strain_at_failure
@@ -116,7 +116,7 @@ def library() -> Mapping[str, Material]:
 
 
 def find_material(name: str) -> Material:
-    """Return a shipped material; InputError with the valid names where there is none such."""
+    """Return a shipped material; InputError with the valid names if there is none."""
     found = library()
     if name not in found:
         folded = {known.casefold(): known for known in found}

@@ -1,7 +1,7 @@
 """Paths of the grippers over the end slope: exact, piecewise linear, a cheap polynomial, a table.
 
-A path gives the half distance x(α) and the rise y(α) [m]. Between the grips of a symmetric
-experiment only x makes the sheet push or twist; y keeps its middle where it is.
+A path gives the half distance x(α) and the rise y(α) [m]. In a symmetric
+experiment only x causes force and moment; y keeps the middle of the sheet at its place.
 """
 
 import math
@@ -19,7 +19,7 @@ from dualbend.errors import InputError
 
 
 class BendingPath(Protocol):
-    """What the paths have in common."""
+    """A path: half distance and rise of the grips over the end slope."""
 
     @property
     def length_m(self) -> float:
@@ -48,7 +48,7 @@ def _range(start: float, target: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class ExactPath:
-    """The zero-moment path itself, paper equations (3) and (4)."""
+    """The zero-moment path, paper equations (3) and (4)."""
 
     length_m: float
     target_rad: float = elastica.END_SLOPE_GRIPPERS_MEET
@@ -103,7 +103,7 @@ class PiecewiseLinearPath:
     def from_interval(
         cls, length_m: float, target_rad: float, interval_rad: float, *, start_rad: float = 0.0
     ) -> "PiecewiseLinearPath":
-        """Return the path of pieces interval_rad long; the last one is what remains."""
+        """Return the path of pieces interval_rad long; the last piece is the remainder."""
         positive("interval_rad", interval_rad)
         _range(start_rad, target_rad)
         # A remainder of a rounding error is no piece.
@@ -134,7 +134,7 @@ def polynomial_coefficients(alpha_limit: float, degree: int) -> tuple[FloatArray
     With u = α²:   x/L ≈ ½ − u f(u),   y/L ≈ α g(u).
     f and g interpolate (L/2 − x)/(L u) and y/(L α) of the closed form at the Chebyshev points of
     u, which is within a small factor of the best polynomial. The leading α² and α are kept in
-    form: the error of x falls as α², so the moment it makes falls as α, and α = 0 is flat.
+    form: the error of x falls as α², so the moment that it causes falls as α; α = 0 is flat.
     """
     within("alpha_limit [rad]", alpha_limit, 0.01, elastica.END_SLOPE_GRIPPERS_MEET)
     if not 0 <= degree <= 12:
@@ -155,13 +155,13 @@ class ApproximatePath:
     """A polynomial in α² instead of two elliptic integrals: 2 × degree + 5 multiplications.
 
     The coefficients come from polynomial_coefficients on [0, target_rad]. Worst errors of x and
-    y over L and the worst moment over EI/L that they make, for a target of 1.2 rad (measured):
+    y over L and the largest moment over EI/L that they cause, for a target of 1.2 rad (measured):
 
         degree 1   6.8e-5   3.2e-4   2.5e-3
         degree 2   1.0e-7   2.9e-6   3.7e-6
         degree 3   7.5e-9   9.0e-9   2.7e-7
 
-    Give the target that is meant: up to 2.28 rad degree 3 is 1.5e-5 and 1.8e-5 off.
+    Use the true target: for 2.28 rad the errors of degree 3 are 1.5e-5 and 1.8e-5.
     """
 
     length_m: float
@@ -215,7 +215,7 @@ class TablePath:
     rows
         (α [rad], half distance [m], rise [m]), α growing.
     smooth
-        A natural cubic spline; its only knots are the ends. Else straight pieces between the rows.
+        True: a natural cubic spline with knots at its ends only; False: linear between the rows.
     target_rad, start_rad
         The part of the table that is used; None: all of it.
 

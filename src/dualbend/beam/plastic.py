@@ -7,9 +7,9 @@ then of slope E_t. For one perfectly plastic material, with κ_y = ε_y / (t/2) 
 
 Source: Timoshenko and Gere, Mechanics of Materials, 4th ed., section 6.10.
 
-A hinge gets the same law as elastic, perfectly plastic springs side by side (the model of Masing
-and Iwan): M(q) = Σ k_j min(q, q_j) while it is loaded, and on the way back and again Masing's rule,
-as in the fibres. Source: Iwan, J. Appl. Mech. 34 (1967) 612.
+A hinge has the same law as parallel elastic, perfectly plastic springs (the model of Masing and
+Iwan): M(q) = Σ k_j min(q, q_j) during loading; unloading and reloading follow Masing's rule, as
+in the fibres. Source: Iwan, J. Appl. Mech. 34 (1967) 612.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ REACH = 12.0
 """Curvature over that of first yield up to which a hinge's springs are fitted."""
 
 _GRID = 4001
-_LEAST = 0.05
+_MIN_WEIGHT = 0.05
 """Residuals below this much of the curvature at first yield weigh no more in the fit."""
 
 
@@ -35,7 +35,7 @@ _LEAST = 0.05
 class Band:
     """Fibres of one material from ``low`` to ``high``, in half thicknesses off the middle.
 
-    ``stiffness``: E over what makes the section's E I; ``yield_strain`` None: it does not yield.
+    ``stiffness``: E relative to the E of the section's E I; ``yield_strain`` None: no yield.
     """
 
     low: float
@@ -47,7 +47,7 @@ class Band:
 
 @dataclass(frozen=True, kw_only=True)
 class HingeSprings:
-    """Springs of a hinge side by side, in shares of its elastic stiffness.
+    """Parallel springs of a hinge, as shares of its elastic stiffness.
 
     ``share`` and ``yield_curvature`` (n,): of the springs that slip, each at a curvature [1/m];
     ``elastic``: of the one that never does.
@@ -76,7 +76,7 @@ class HingeSprings:
 
 @dataclass(frozen=True)
 class Plasticity:
-    """How a sheet's section yields: its bands on one side of the middle, the other its mirror."""
+    """The yield law of a section: its bands on one side of the middle; the other is the mirror."""
 
     bands: tuple[Band, ...]
 
@@ -106,11 +106,11 @@ class Plasticity:
         return total
 
     def residual(self, curvature: Vector, thickness_m: float) -> Vector:
-        """Return the curvature that is left when the section is let go, κ − M(κ)/EI [1/m]."""
+        """Return the residual curvature after release, κ − M(κ)/EI [1/m]."""
         return np.asarray(curvature - self.moment(curvature, thickness_m))
 
     def springs(self, thickness_m: float, count: int) -> HingeSprings:
-        """Return ``count`` springs whose moment is the section's, exact to its first yield.
+        """Return ``count`` springs with the moment of the section, exact up to first yield.
 
         The kinks lie where M(κ) bends most, the moments there are fitted by least squares of the
         error of the residual curvature; beyond ``REACH`` times the first yield the slope is kept.
@@ -118,7 +118,7 @@ class Plasticity:
         first = self.first_yield(thickness_m)
         grid = np.geomspace(first, REACH * first, _GRID)
         moment = self.moment(grid, thickness_m)
-        weight = 1.0 / np.maximum(grid - moment, _LEAST * first)
+        weight = 1.0 / np.maximum(grid - moment, _MIN_WEIGHT * first)
         bend = np.abs(np.gradient(np.gradient(moment, grid), grid)) * weight
         crowd = np.concatenate(([0.0], np.cumsum(np.sqrt(bend[1:]) * np.diff(grid))))
         kinks = np.interp(np.linspace(0.0, crowd[-1], count), crowd, grid)

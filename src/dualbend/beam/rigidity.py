@@ -1,10 +1,11 @@
-"""Between beam and plate: how stiff a strip of a given width is at a given curvature.
+"""Rigidity between beam and plate: the stiffness of a strip of given width and curvature.
 
-Bent about y, a strip wants to curve the other way across (anticlastically), by ν κ. Narrow, it
-does, and is a beam, EI; wide, the cylinder's membrane stress flattens all but its edges, and it is
-a plate, D w = EI / (1 − ν²). The section across is a beam on an elastic foundation of stiffness
-E t κ²: D w'''' + E t κ² w = 0, free edges w'' = −ν κ, w''' = 0. With B = β w/2 and
-β² = (κ/t) √(3 (1 − ν²)), so that B² is 0.41 of Searle's parameter w²/(R t) at ν = 0.33,
+A strip that is bent about y tends to curve across its width in the opposite direction
+(anticlastically), by ν κ. A narrow strip does so and is a beam, EI. In a wide strip the membrane
+stress flattens all but the edges, and the strip is a plate, D w = EI / (1 − ν²). The section across
+is a beam on an elastic foundation of stiffness E t κ²: D w'''' + E t κ² w = 0, free edges
+w'' = −ν κ, w''' = 0. With B = β w/2 and β² = (κ/t) √(3 (1 − ν²)), so that B² is 0.41 of Searle's
+parameter w²/(R t) at ν = 0.33,
 
     −mean w'' / (ν κ) = F(B) = (cosh 2B − cos 2B) / (B (sinh 2B + sin 2B)),
     M / (EI κ) = (1 − ν² (F + B F'/4)) / (1 − ν²)        from M = dU/dκ, U = D w κ² (1 − ν² F) / 2.
@@ -53,7 +54,7 @@ def rigidity_ratio(
     curvature_per_m: float,
     foundation_ratio: float = 1.0,
 ) -> float:
-    """Return the strip's bending stiffness over EI: 1, 1 / (1 − ν²), or between by its width.
+    """Return the bending stiffness over EI: 1, 1 / (1 − ν²), or between them for the width.
 
     ``foundation_ratio`` is A t² / (12 (1 − ν²) D22) of a laminate, 1 of one isotropic layer.
     """

@@ -17,7 +17,7 @@ _SIZES = ("length_m", "width_m", "thickness_m", "young_pa", "density_kg_per_m3")
 
 @dataclass(frozen=True, kw_only=True)
 class Anisotropy:
-    """What a weave or a laminate has otherwise than one isotropic layer, over its E of bending.
+    """Stiffness of a weave or laminate, where it is not isotropic, over its bending modulus E.
 
     ``shear``: 12 D66/t³, so that GJ = D66 · 4 w; ``stretch``: A11/t without Poisson's; ``across``:
     D22/D11.
@@ -36,9 +36,9 @@ class Anisotropy:
 class Sheet:
     """A sheet of size length × width × thickness; the length is the free one between grippers.
 
-    ``young_pa`` is that of bending as a beam, ``poisson_ratio`` √(ν₁₂ ν₂₁). ``rigidity`` says
-    whether the sheet bends as a beam, as a plate, or between them by its width at the curvature
-    ``curvature_per_m``. ``anisotropy`` None: isotropic; ``plasticity`` None: it does not yield.
+    ``young_pa`` is the modulus of bending as a beam, ``poisson_ratio`` √(ν₁₂ ν₂₁). ``rigidity``
+    says whether the sheet bends as a beam, as a plate, or between them for its width at the
+    curvature ``curvature_per_m``. ``anisotropy`` None: isotropic; ``plasticity`` None: no yield.
 
     Raises InputError where a size, the modulus or the density is not finite and above zero, the
     Poisson ratio is outside [0, 0.5), or the thickness exceeds the width.
@@ -79,7 +79,7 @@ class Sheet:
     def rigidity_over_beam(self, rigidity: Rigidity) -> float:
         """Return the bending stiffness over E I: 1 as a beam, 1/(1 − ν²) as a plate.
 
-        By its width: as :func:`~dualbend.beam.rigidity.rigidity_ratio` has it.
+        For ``width`` see :func:`~dualbend.beam.rigidity.rigidity_ratio`.
         """
         kind = self.anisotropy
         return rigidity_ratio(

@@ -1,4 +1,4 @@
-"""How fast the end slope goes from one value to another: α(t) at a stated speed."""
+"""Time laws of the end slope: α(t) between two values at a given speed."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -9,7 +9,7 @@ from dualbend.beam._check import FloatArray, Real, finite, like, positive
 
 
 class TimeLaw(Protocol):
-    """What the time laws have in common; before the start and after the end α stands still."""
+    """A time law α(t); before the start and after the end α is constant."""
 
     @property
     def duration_s(self) -> float:
@@ -24,7 +24,7 @@ class TimeLaw(Protocol):
 
 @dataclass(frozen=True)
 class ConstantSpeed:
-    """α(t) = α₀ ± ω t: it starts and stops with a jump of the speed.
+    """Constant speed, α(t) = α₀ ± ω t, with a jump of the speed at start and end.
 
     end_rad may be below start_rad (unfolding); the speed is a magnitude, above 0.
     """
@@ -59,9 +59,9 @@ class ConstantSpeed:
 
 @dataclass(frozen=True)
 class TrapezoidalSpeed:
-    """Speeds up at a stated acceleration, runs at the stated speed, slows down the same way.
+    """Trapezoidal speed: constant acceleration, constant speed, constant deceleration.
 
-    Where the way is shorter than ω²/a the speed is not reached: the profile is a triangle.
+    If the distance is shorter than ω²/a the speed is not reached: the profile is a triangle.
     end_rad may be below start_rad; speed and acceleration are magnitudes, above 0.
     """
 

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from xml.etree import ElementTree
 
 from dualbend.check.verdict import Finding, Verdicts
 from dualbend.errors import InputError
+from dualbend.table import Column, Table, escaped, shown
 
 _HEADINGS = ("scenario", "metric", "old", "new", "unit", "change", "allowed", "verdict")
 
 
 def table(verdicts: Verdicts, *, everything: bool = True) -> str:
     """Return rows of text, the failures alone unless ``everything``."""
-    found = verdicts.findings if everything else verdicts.failures
-    rows = [_HEADINGS, *(_cells(finding) for finding in found)]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(_HEADINGS))]
-    lines = ("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in rows)
-    return "\n".join(line.rstrip() for line in lines)
+    return _table(verdicts.findings if everything else verdicts.failures).text()
+
+
+def _table(found: Sequence[Finding]) -> Table:
+    columns = [Column(name, format=".5g") for name in _HEADINGS]
+    return Table(columns, [_cells(finding) for finding in found])
 
 
 def failure_lines(verdicts: Verdicts) -> list[str]:
@@ -28,7 +31,7 @@ def failure_lines(verdicts: Verdicts) -> list[str]:
 
 def sentence(finding: Finding) -> str:
     """Say one failure in words."""
-    old, new = _number(finding.old), _number(finding.new)
+    old, new = (shown(value, ".5g") for value in (finding.old, finding.new))
     unit = f" {finding.unit}" if finding.unit not in {"", "1"} else ""
     parts = [f"{finding.scenario}: {finding.metric} {finding.verdict}: {old} → {new}{unit}"]
     if finding.change is not None:
@@ -82,10 +85,10 @@ def write_markdown(verdicts: Verdicts, path: Path) -> None:
     failed = bool(verdicts.failures)
     lines = [f"## dualbend check: {'failed' if failed else 'passed'}", "", conclusion(verdicts), ""]
     if failed:
-        lines += [*_markdown_table(verdicts.failures), ""]
-        lines += [*(f"* {_escaped(line)}" for line in failure_lines(verdicts)), ""]
-    lines += [*(f"* {_escaped(line)}" for line in note_lines(verdicts)), ""]
-    lines += ["<details><summary>All values</summary>", "", *_markdown_table(verdicts.findings)]
+        lines += [_table(verdicts.failures).markdown(), ""]
+        lines += [*(f"* {escaped(line)}" for line in failure_lines(verdicts)), ""]
+    lines += [*(f"* {escaped(line)}" for line in note_lines(verdicts)), ""]
+    lines += ["<details><summary>All values</summary>", "", _table(verdicts.findings).markdown()]
     lines += ["", "</details>", ""]
     _write(path, "--markdown", "\n".join(lines))
 
@@ -133,32 +136,17 @@ def _skipped(finding: Finding) -> bool:
     return finding.verdict in {"new", "not gated"}
 
 
-def _markdown_table(found: list[Finding]) -> list[str]:
-    rows = [_HEADINGS, tuple("---" for _ in _HEADINGS), *(_cells(finding) for finding in found)]
-    return [f"| {' | '.join(_escaped(cell) for cell in row)} |" for row in rows]
-
-
-def _escaped(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ").replace("<", "&lt;")
-
-
-def _cells(finding: Finding) -> tuple[str, ...]:
+def _cells(finding: Finding) -> tuple[float | str | None, ...]:
     return (
         finding.scenario,
         finding.metric,
-        _number(finding.old),
-        _number(finding.new),
+        finding.old,
+        finding.new,
         finding.unit,
         _change(finding),
         finding.allowed,
         finding.verdict if not finding.failed else finding.verdict.upper(),
     )
-
-
-def _number(value: float | str | None) -> str:
-    if value is None:
-        return "-"
-    return value if isinstance(value, str) else f"{value:.5g}"
 
 
 def _change(finding: Finding) -> str:

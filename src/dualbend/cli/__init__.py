@@ -1,4 +1,4 @@
-"""The command line: parses, calls, prints, exits with a code.
+"""The command line: reads the arguments, calls the package, prints, returns an exit code.
 
 0 completed, or ended as the scenario expects; 1 a validation row or a check fails; 2 bad input; 3 a
 protective stop or failed run that the scenario does not expect; 130 interrupted before a result.

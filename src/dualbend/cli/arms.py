@@ -8,20 +8,20 @@ from dualbend.cli.common import SETTINGS, complete_scenarios, examples
 
 
 @click.command(epilog=examples("dualbend arms", "dualbend arms --for fig6", "dualbend arms --json"))
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, with everything known of each.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON with all data of each arm.")
 @click.option("--markdown", is_flag=True, help="Print the table of the documentation.")
 @click.option(
     "--for",
     "scenario",
     metavar="SCENARIO",
     shell_complete=complete_scenarios,
-    help="Say of each arm where it would stand, or why it cannot do it.",
+    help="Show where each arm would stand for this scenario, or why it cannot do the work.",
 )
 @SETTINGS
 def arms(as_json: bool, markdown: bool, scenario: str | None, settings: tuple[str, ...]) -> None:
-    """List the arms that arm.model may name.
+    """List the arms that a scenario can use.
 
-    With --for, each is tried in a scenario: base, manipulability and room to the joints' limits.
+    With --for, each arm is tried in a scenario: base, manipulability and joint-limit margin.
     """
     from dualbend.errors import InputError
     from dualbend.run import arm_list

@@ -16,11 +16,11 @@ from dualbend.cli.common import EXIT_INTERRUPTED, SETTINGS, complete_scenarios, 
 @SETTINGS
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
-    """Plan an assembly: the bending angles at which it fits.
+    """Plan an assembly: the bending angles at which the holes fit.
 
-    Where the middle holes go over their pins and the outer ones clear theirs.
+    At these angles the middle holes fit over their pins and the outer holes are clear of theirs.
 
-    Without a run. A layout that has no such angle is refused with what is missing.
+    No run is made. A layout without such an angle is refused; the message says what is missing.
     """
     import json
 
@@ -43,9 +43,7 @@ def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
 @click.option(
     "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the draws."
 )
-@click.option(
-    "--workers", type=click.IntRange(1, 256), help="Parallel processes; else one for each core."
-)
+@click.option("--workers", type=click.IntRange(1, 256), help="Processes; default: one per core.")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the study.")
 @SETTINGS
 def robustness(
@@ -56,10 +54,10 @@ def robustness(
     out: Path | None,
     settings: tuple[str, ...],
 ) -> None:
-    """Assemble many sheets that differ, with compliance and without.
+    """Assemble many sheets with errors, with and without compliance.
 
-    The errors are drawn with the standard deviations of assembly.spread. The same command goes on
-    with a study that was interrupted.
+    Random errors are drawn with the standard deviations of assembly.spread. The same command
+    continues a study that was interrupted.
     """
     from dualbend.errors import InputError
     from dualbend.run.output import uninterrupted, write_json
@@ -91,7 +89,7 @@ def robustness(
     if interrupted:
         click.echo(
             f"dualbend: interrupted after {done} of {bar.length} runs, kept in {folder}; "
-            "the same command goes on",
+            "the same command continues",
             err=True,
         )
         sys.exit(EXIT_INTERRUPTED)

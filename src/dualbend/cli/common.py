@@ -1,4 +1,4 @@
-"""What the commands share: exit codes, options, examples, one message for bad input."""
+"""Shared by the commands: exit codes, options, examples, one message for bad input."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 _EXAMPLES_HEADING = "\b\nExample:"
-"""The control character keeps click from filling the lines below it into a paragraph."""
+"""The control character prevents click from joining the following lines to a paragraph."""
 
 EXIT_FAILED_CHECK, EXIT_BAD_INPUT, EXIT_UNEXPECTED, EXIT_INTERRUPTED = 1, 2, 3, 130
 
@@ -28,7 +28,7 @@ SETTINGS = click.option(
 
 
 def examples(*lines: str) -> str:
-    """Return an epilog that shows each line as it is typed."""
+    """Return the example lines of a help text, each as it is typed."""
     return "\n".join((_EXAMPLES_HEADING, *(f"  {line}" for line in lines)))
 
 
@@ -42,10 +42,10 @@ def complete_scenarios(
 
 
 class Commands(click.Group):
-    """Turns what a user gave wrongly into one message and exit code 2."""
+    """A group of commands that reports bad input by one message and exit code 2."""
 
     def invoke(self, ctx: click.Context) -> object:
-        """Run the command that was asked for."""
+        """Run the command of the command line."""
         try:
             return super().invoke(ctx)
         except DualbendError as error:
@@ -54,12 +54,12 @@ class Commands(click.Group):
         except (KeyboardInterrupt, Exception) as error:
             if not _interrupted(error):
                 raise
-            click.echo("dualbend: interrupted before there was anything to keep", err=True)
+            click.echo("dualbend: interrupted before there was a result", err=True)
             sys.exit(EXIT_INTERRUPTED)
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Tell an interrupt, also one that a compiled library turned into an error of its own."""
+    """Return whether an error is an interrupt, also one that a compiled library converted."""
     while error is not None:
         if isinstance(error, KeyboardInterrupt):
             return True
@@ -68,7 +68,7 @@ def _interrupted(error: BaseException | None) -> bool:
 
 
 def deliver(text: str, out: Path | None) -> None:
-    """Print a text, or write it where it is wanted."""
+    """Print a text, or write it to a file."""
     if out is None:
         click.echo(text, nl=False)
         return

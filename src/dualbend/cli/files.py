@@ -28,12 +28,12 @@ def list_command() -> None:
     show_default=True,
     metavar="SCENARIO",
     shell_complete=complete_scenarios,
-    help="Whose values it has.",
+    help="Scenario whose values the file gets.",
 )
 def new(name: str, base: str) -> None:
     """Write NAME.toml, a scenario with every key explained.
 
-    Keys at their default are comments. An existing file is left as it is.
+    Keys at their default are comments. An existing file is not overwritten.
     """
     from dualbend.scenario.template import write_scenario
 
@@ -42,18 +42,18 @@ def new(name: str, base: str) -> None:
 
 
 @click.command(epilog=examples("dualbend schema --out scenario.schema.json"))
-@click.option("--out", type=click.Path(path_type=Path), help="File to write; none: print.")
+@click.option("--out", type=click.Path(path_type=Path), help="File to write; default: print.")
 def schema(out: Path | None) -> None:
-    """Give the JSON schema of a scenario file, for editors."""
+    """Write the JSON schema of a scenario file, for editors."""
     from dualbend.scenario.schema import schema_text
 
     deliver(schema_text(), out)
 
 
 @click.command(epilog=examples("dualbend reference --out docs/reference.md"))
-@click.option("--out", type=click.Path(path_type=Path), help="File to write; none: print.")
+@click.option("--out", type=click.Path(path_type=Path), help="File to write; default: print.")
 def reference(out: Path | None) -> None:
-    """Give every section and key of a scenario as Markdown."""
+    """Write every section and key of a scenario as Markdown."""
     from dualbend.scenario.reference import reference_markdown
 
     deliver(reference_markdown(), out)

@@ -1,4 +1,4 @@
-"""Commands that hold runs against a baseline or against each other."""
+"""Commands that compare runs with a baseline or with each other."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from dualbend.cli.common import EXIT_FAILED_CHECK, complete_scenarios, examples
 @click.option(
     "--baseline", type=click.Path(path_type=Path), help="Baseline file.  [default: ./baseline.json]"
 )
-@click.option("--update", is_flag=True, help="Write what is measured into the baseline.")
+@click.option("--update", is_flag=True, help="Write the measured values into the baseline.")
 @click.option("--junit", type=click.Path(path_type=Path), help="JUnit XML file to write.")
 @click.option("--markdown", type=click.Path(path_type=Path), help="Markdown file to write.")
-@click.option("--workers", type=click.IntRange(min=1), help="Processes; the cores if not given.")
-@click.option("--all", "everything", is_flag=True, help="Print what has not moved, too.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one per core.")
+@click.option("--all", "everything", is_flag=True, help="Also print the values that agree.")
 def check(
     scenarios: tuple[str, ...],
     baseline: Path | None,
@@ -31,18 +31,20 @@ def check(
 ) -> None:
     """Compare the metrics of runs with a baseline.
 
-    Exit code 1 where a metric moved beyond its tolerance, for the worse or for the better. Without
-    a SCENARIO all that the baseline holds are run.
+    The exit code is 1 if a metric differs by more than its tolerance, for the worse or for the
+    better. Without a SCENARIO all scenarios of the baseline are run.
     """
     from dualbend.check import report as check_report
-    from dualbend.check.check import check as judge
+    from dualbend.check.check import check as compare_with_baseline
     from dualbend.check.measure import Measured
 
     def tell(one: Measured) -> None:
         said = f"{one.name}: {one.outcome} {one.end or ''}".rstrip()
         click.echo(f"{said}: {one.reason}" if one.reason else said, err=True)
 
-    verdicts = judge(scenarios, baseline, update=update, workers=workers, on_done=tell)
+    verdicts = compare_with_baseline(
+        scenarios, baseline, update=update, workers=workers, on_done=tell
+    )
     if junit is not None:
         check_report.write_junit(verdicts, junit)
     if markdown is not None:
@@ -59,13 +61,13 @@ def check(
 @click.command(epilog=examples("dualbend compare runs/fig6 runs/fig8 --out runs/compared"))
 @click.argument("run_a", type=click.Path(path_type=Path))
 @click.argument("run_b", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for plot and recording.")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder for text, plot and recording.")
 @click.option("--record/--no-record", default=True, help="Write compare.rrd.")
 def compare(run_a: Path, run_b: Path, out: Path | None, record: bool) -> None:
-    """Put two runs side by side.
+    """Compare two runs.
 
-    RUN_A and RUN_B are folders that dualbend run left. Prints metrics and what was set otherwise;
-    with --out, writes compare.txt, compare.png and compare.rrd.
+    RUN_A and RUN_B are folders written by dualbend run. Prints the metrics and the settings that
+    differ. With --out, writes compare.txt, compare.png and compare.rrd.
     """
     from dualbend.report.compare import compare_runs, report_text, write_comparison
     from dualbend.run.saved import load_run

@@ -13,13 +13,13 @@ from dualbend.cli.common import deliver, examples
     epilog=examples("dualbend materials", "dualbend materials 6061-T6", "dualbend materials --json")
 )
 @click.argument("name", required=False)
-@click.option("--markdown", is_flag=True, help="The table of docs/materials.md.")
-@click.option("--out", type=click.Path(path_type=Path), help="File to write.")
+@click.option("--markdown", is_flag=True, help="Print the table of the documentation.")
+@click.option("--out", type=click.Path(path_type=Path), help="File to write; default: print.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def materials(name: str | None, markdown: bool, out: Path | None, as_json: bool) -> None:
-    """List the materials that sheet.material may name.
+    """List the materials that a scenario can use.
 
-    With a NAME, each number of one with its source and grade.
+    With a NAME, list each number of that material with its source and grade.
     """
     from dualbend.beam import material_table
     from dualbend.beam.material import find_material, library

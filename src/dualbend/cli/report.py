@@ -1,4 +1,4 @@
-"""Commands that make pages and pictures that people read: report, figures."""
+"""Commands that make pages and pictures of runs: report, figures."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ from dualbend.cli.common import SETTINGS, examples
     help="HTML file.  [default: report.html in the folder of one run, else here]",
 )
 def report(runs: tuple[Path, ...], out: Path | None) -> None:
-    """Make one HTML page of runs, to open offline.
+    """Write one HTML page about one or several runs.
 
-    DIR is a folder that dualbend run left. Several are put side by side on one scale.
+    DIR is a folder written by dualbend run. Several runs are shown side by side on one scale. The
+    page opens without a network.
     """
     from dualbend.report.page import write_report
 
@@ -45,10 +46,10 @@ def report(runs: tuple[Path, ...], out: Path | None) -> None:
 )
 @SETTINGS
 def figures(out: Path, settings: tuple[str, ...]) -> None:
-    """Make the paper's three figures from nothing.
+    """Run the paper's three experiments and draw their figures.
 
-    Figs. 6, 8 and 9: runs fig6, fig8 and fig9 and leaves each figure and all beside each other as
-    PNG and SVG, and the report of the three runs.
+    Runs fig6, fig8 and fig9 and writes Figs. 6, 8 and 9, each alone and all side by side, as PNG
+    and SVG, and the report of the three runs.
     """
     from dualbend.report.page import PAPER_FIGURES
     from dualbend.study.paper_figures import make_figures

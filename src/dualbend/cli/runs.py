@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     is_flag=False,
     flag_value="spawn",
     metavar="[ADDRESS]",
-    help="Show the run in rerun's viewer while it goes on; rerun+http://HOST:PORT/proxy names one.",
+    help="Show the run live in rerun's viewer; an ADDRESS is rerun+http://HOST:PORT/proxy.",
 )
 def run(
     scenario: str | None,
@@ -54,9 +54,10 @@ def run(
     record: bool,
     address: str | None,
 ) -> None:
-    """Run a scenario and leave its results in a folder.
+    """Run a scenario and write its results into a folder.
 
-    SCENARIO is a name from dualbend list or a .toml file; without it, the shipped ones are listed.
+    SCENARIO is a name from dualbend list or a .toml file. Without it, the shipped scenarios are
+    listed.
     """
     if scenario is None:
         _which_scenario(asked=not _any_given())
@@ -104,7 +105,7 @@ def run(
 
 
 def _tell_stability(scenario: Scenario) -> None:
-    """Say what is predicted of the loop; what cannot be predicted may run all the same."""
+    """Print the predicted stability; a run without a possible prediction is not refused."""
     from dualbend.errors import InputError
     from dualbend.stability.prediction import predict
 
@@ -115,7 +116,7 @@ def _tell_stability(scenario: Scenario) -> None:
         return
     if prediction.rows:
         warning = "" if prediction.verdict == "stable" else "warning: "
-        elastic = ", of the sheet before it yields" if scenario.sheet.plastic else ""
+        elastic = ", for the sheet before it yields" if scenario.sheet.plastic else ""
         click.echo(
             f"{warning}{scenario.name}: compliance predicted {prediction.verdict}{elastic} "
             f"({prediction.reason})",
@@ -126,7 +127,7 @@ def _tell_stability(scenario: Scenario) -> None:
 def _live(
     ready: Run, address: str, folder: Path, *, record: bool
 ) -> AbstractContextManager[LiveRecording]:
-    """Return the live picture of a run in a viewer that answers."""
+    """Return the live recording of a run in a viewer that answers."""
     from dualbend.errors import InputError
     from dualbend.recording.live import LiveRecording, check_viewer
 
@@ -145,14 +146,14 @@ def _has_screen() -> bool:
 
 
 def _any_given() -> bool:
-    """Tell whether the command line has any option or argument of the present command."""
+    """Return whether the command line has any option or argument of the present command."""
     context = click.get_current_context()
     default = click.core.ParameterSource.DEFAULT
     return any(context.get_parameter_source(name) is not default for name in context.params)
 
 
 def _which_scenario(*, asked: bool) -> None:
-    """Show the scenarios: to who asks they are the answer, options without one are an error."""
+    """Print the scenarios if nothing was given; options without a scenario are an error."""
     from dualbend.errors import InputError
     from dualbend.scenario import shipped
 
@@ -165,7 +166,7 @@ def _which_scenario(*, asked: bool) -> None:
 def _write(
     result: RunRecord, folder: Path, record: bool, picture: LiveRecording | None
 ) -> list[str]:
-    """Write everything that a run leaves and print what matters; return what could not be."""
+    """Write the results of a run and print its metrics; return a message for each failed file."""
     from dualbend.report.results import write_results
 
     notes = None
@@ -175,7 +176,7 @@ def _write(
         notes = notes_of(result)
         picture.end(result, notes)
         if picture.problem is not None:
-            click.echo(f"dualbend: --view: the picture ended: {picture.problem}", err=True)
+            click.echo(f"dualbend: --view: the live view ended: {picture.problem}", err=True)
     failures = write_results(result, folder, record=record, notes=notes)
     ended = f" ({result.reason})" if result.reason else ""
     click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
@@ -191,7 +192,7 @@ def _write(
 
 
 def _show_sheet(sheet: dict[str, Any]) -> None:
-    """Print what the choice of rigidity does, and where the elastic theory does not apply."""
+    """Print the effect of each kind of rigidity, and whether the elastic theory applies."""
     others = ", ".join(
         f"{kind} {choice['end_force_change_percent']:+.2g} % end force"
         for kind, choice in sheet["choices"].items()
@@ -212,11 +213,11 @@ def _show_sheet(sheet: dict[str, Any]) -> None:
 @SETTINGS
 @click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")
 @click.option("--camera", help="Camera of the scene: front; bed, in an assembly.")
-@click.option("--fps", type=float, default=10.0, show_default=True, help="Frames a second.")
-@click.option("--speed", type=float, default=4.0, show_default=True, help="Times real time.")
-@click.option("--width", type=int, default=480, show_default=True, help="Pixels; 16:9.")
-@click.option("--at", "at_s", type=float, help="Time of a .png [s]; none: the end.")
-@click.option("--inset/--no-inset", default=True, help="Close-up of a pin, in an assembly.")
+@click.option("--fps", type=float, default=10.0, show_default=True, help="Frames per second.")
+@click.option("--speed", type=float, default=4.0, show_default=True, help="Speed over real time.")
+@click.option("--width", type=int, default=480, show_default=True, help="Width in pixels (16:9).")
+@click.option("--at", "at_s", type=float, help="Time of the picture [s]; default: the end.")
+@click.option("--inset/--no-inset", default=True, help="Show a pin close up, in an assembly.")
 def render(
     scenario: str,
     out: Path,
@@ -229,9 +230,9 @@ def render(
     at_s: float | None,
     inset: bool,
 ) -> None:
-    """Run a scenario and draw it, without a screen.
+    """Run a scenario and save a picture or video, without a screen.
 
-    A video (.gif) or a picture (.png).
+    The extension of --out decides: .gif is a video, .png a picture.
     """
     from dualbend.recording import offscreen
 
@@ -259,7 +260,7 @@ def render(
 def view(scenario: str, settings: tuple[str, ...]) -> None:
     """Run a scenario in MuJoCo's viewer.
 
-    In real time, where there is a screen.
+    It runs in real time and needs a screen.
     """
     from dualbend.errors import InputError
     from dualbend.run.make import make_run
@@ -282,7 +283,7 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
 def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
     """Write the composed MJCF of a scenario.
 
-    Its start is the key frame "start".
+    The key frame "start" is the state at the start of the run.
     """
     from dualbend.errors import InputError
     from dualbend.run.make import make_run
@@ -299,11 +300,11 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
 @click.command(epilog=examples("dualbend benchmark fig8 --repeat 3"))
 @click.argument("scenario", default="fig8", shell_complete=complete_scenarios)
 @SETTINGS
-@click.option("--repeat", type=click.IntRange(min=1), default=5, help="Repetitions.")
+@click.option("--repeat", type=click.IntRange(min=1), default=5, help="Number of repetitions.")
 def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
-    """Time the loop against bare mj_step calls.
+    """Compare the time of the loop with that of bare mj_step calls.
 
-    The same model, in one process, in turn.
+    Both use the same model and run alternately in one process.
     """
     import msgspec
 

@@ -1,4 +1,4 @@
-"""Commands that predict the stability of the admittance loop, and tune it: stability, tune."""
+"""Commands that predict the admittance loop before a run: stability, tune."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ import click
 from dualbend.cli.common import EXIT_FAILED_CHECK, SETTINGS, complete_scenarios, examples
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from dualbend.scenario.scenario import Scenario
-    from dualbend.stability.prediction import Prediction
+    from dualbend.stability.prediction import Prediction, Row
 
 
 @click.command(epilog=examples("dualbend stability fig9 --map fig9.png"))
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
     "--axis",
     type=click.Choice(["x", "rotation", "coupled"]),
     default="coupled",
-    help="Axes that take part.",
+    help="Axes that are included.",
 )
 @click.option(
     "--map", "map_file", type=click.Path(path_type=Path), help="PNG of the stable region in (b, k)."
@@ -45,14 +47,14 @@ if TYPE_CHECKING:
     "--confront",
     "confronted",
     is_flag=True,
-    help="Bisect the onset in the full simulation, held at some angles; takes minutes.",
+    help="Validate against simulation: bisect the onset of oscillation; takes minutes.",
 )
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder of a confrontation; what is there already is not done again.",
+    help="Folder of the onset study; cases that are in it are not run again.",
 )
-@click.option("--workers", type=click.IntRange(min=1), help="Processes of a confrontation.")
+@click.option("--workers", type=click.IntRange(min=1), help="Processes of the onset study.")
 @SETTINGS
 def stability(
     scenario: str,
@@ -68,7 +70,8 @@ def stability(
 ) -> None:
     """Predict the stability of the compliance.
 
-    Margins along the path, before any run; or, with --confront, prediction against simulation.
+    Prints the margins along the path, without a run. With --confront, compares the prediction with
+    simulations.
     """
     from dualbend.errors import InputError
     from dualbend.scenario.load import load_scenario
@@ -102,7 +105,7 @@ def _confront(
     workers: int | None,
     as_json: bool,
 ) -> None:
-    """Bisect, tell each case as it is found, and leave table and picture beside the numbers."""
+    """Bisect, print each case when it is found, and write numbers, table and picture."""
     from dualbend.study.onset.bisection import AXES, confront
     from dualbend.study.onset.figure import plot_confrontation
     from dualbend.study.onset.report import describe_case, summary, write_report
@@ -130,27 +133,41 @@ def _show_prediction(prediction: Prediction) -> None:
     if not prediction.rows:
         click.echo(f"{prediction.scenario}: {prediction.reason}")
         return
-    click.echo(
-        " rad   N/mm  N m/rad  verdict    gain  phase   delay     Hz  damping  growth  "
-        "(23)  delayed\n"
-        "                              margin    deg      ms                     1/s"
-    )
-    for row in prediction.rows:
-        click.echo(
-            f"{row.alpha_rad:4.2f}{row.stiffness_x_n_per_m / 1e3:7.3f}"
-            f"{row.stiffness_rotation_nm_per_rad:9.3f}  {_word(row.stable):<8}"
-            f"{row.gain_margin:7.2f}{row.phase_margin_deg:7.0f}{1e3 * row.delay_margin_s:8.0f}"
-            f"{row.frequency_hz:7.2f}{row.damping_ratio:9.2f}{row.growth_per_s:8.2f}  "
-            f"{_word(row.paper_stable):<8}  {_word(row.delayed_stable)}"
-        )
+    click.echo(_table(prediction.rows))
     missed = [f"{row.alpha_rad:.2f}" for row in prediction.rows if not row.at_rest]
     if missed:
-        click.echo(f"no equilibrium found, evaluated at the path's poses: {', '.join(missed)} rad")
+        click.echo(
+            f"no equilibrium found, evaluated at the poses of the path: {', '.join(missed)} rad"
+        )
     softened = max(row.softening_x for row in prediction.rows)
     click.echo(f"arms and grasps lower the stiffness along x by up to {100 * softened:.1f} %")
     for low, high in prediction.unstable_rad:
         click.echo(f"predicted unstable from {low:.2f} to {high:.2f} rad")
     click.echo(f"{prediction.scenario}: {prediction.verdict} ({prediction.reason})")
+
+
+def _table(rows: Sequence[Row]) -> str:
+    from dualbend.table import Column, Table
+
+    def right(name: str, spec: str) -> Column:
+        return Column(name, format=spec, right=True)
+
+    columns = (
+        *(right("rad", ".2f"), right("N/mm", ".3f"), right("N m/rad", ".3f"), Column("verdict")),
+        *(right("gain\nmargin", ".2f"), right("phase\ndeg", ".0f"), right("delay\nms", ".0f")),
+        *(right("Hz", ".2f"), right("damping", ".2f"), right("growth\n1/s", ".2f")),
+        *(Column("(23)"), Column("delayed")),
+    )
+    lines = [
+        (
+            *(row.alpha_rad, row.stiffness_x_n_per_m / 1e3, row.stiffness_rotation_nm_per_rad),
+            *(_word(row.stable), row.gain_margin, row.phase_margin_deg, 1e3 * row.delay_margin_s),
+            *(row.frequency_hz, row.damping_ratio, row.growth_per_s),
+            *(_word(row.paper_stable), _word(row.delayed_stable)),
+        )
+        for row in rows
+    ]
+    return Table(columns, lines).text()
 
 
 def _word(stable: bool) -> str:
@@ -160,9 +177,9 @@ def _word(stable: bool) -> str:
 @click.command(epilog=examples("dualbend tune fig6 --out tuned.toml"))
 @click.argument("scenario", shell_complete=complete_scenarios)
 @click.option("--out", type=click.Path(path_type=Path), help="Scenario file to write.")
-@click.option("--gain-margin", type=float, default=6.0, help="Least gain margin [dB].")
-@click.option("--phase-margin", type=float, default=30.0, help="Least phase margin [deg].")
-@click.option("--seeds", type=click.IntRange(1, 20), default=3, help="Noise streams, 1 to n.")
+@click.option("--gain-margin", type=float, default=6.0, help="Minimum gain margin [dB].")
+@click.option("--phase-margin", type=float, default=30.0, help="Minimum phase margin [deg].")
+@click.option("--seeds", type=click.IntRange(1, 20), default=3, help="Noise seeds, 1 to n.")
 @SETTINGS
 def tune(
     scenario: str,
@@ -172,9 +189,9 @@ def tune(
     seeds: int,
     settings: tuple[str, ...],
 ) -> None:
-    """Find the gains with the lowest predicted moment.
+    """Search for the gains with the lowest predicted moment.
 
-    At required margins, verified by simulation. Takes a minute or two.
+    The gains keep the required margins and are verified by simulation. Takes one or two minutes.
     """
     from dualbend.errors import InputError
     from dualbend.scenario.load import load_scenario
@@ -182,7 +199,7 @@ def tune(
     from dualbend.stability.tuning import tune as search
 
     if settings and out is not None:
-        raise InputError("--out writes what differs from SCENARIO itself: put --set into a file")
+        raise InputError("--out writes the differences from SCENARIO: put --set into a file")
     required = Margin(gain_db=gain_margin, phase_deg=phase_margin)
     found = search(load_scenario(scenario, settings), required=required, seeds=range(1, seeds + 1))
     config = found.found.compliance
@@ -203,5 +220,5 @@ def tune(
         write_scenario(found, scenario, out)
         click.echo(f"{out}: run it with dualbend run {out}")
     if not found.verified.fulfils(required):
-        click.echo("dualbend: the margins of the result are below those asked for", err=True)
+        click.echo("dualbend: the margins of the result are below the required ones", err=True)
         sys.exit(EXIT_FAILED_CHECK)

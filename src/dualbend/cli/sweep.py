@@ -1,4 +1,4 @@
-"""Command that runs a scenario many times with other values of its keys."""
+"""Command that runs a scenario many times with different values of its keys."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from dualbend.cli.common import EXIT_BAD_INPUT, EXIT_INTERRUPTED, examples
 @click.option(
     "--out", type=click.Path(path_type=Path), help="Folder of the sweep.  [default: runs/NAME]"
 )
-@click.option("--workers", type=click.IntRange(1, 256), help="Processes; the cores if not given.")
+@click.option("--workers", type=click.IntRange(1, 256), help="Processes; default: one per core.")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler, e.g. tcp://HOST:PORT.")
 def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | None) -> None:
     """Run a scenario over many values of its keys.
 
-    FILE says which (docs/sweeps.md), or is the folder of a sweep. The same command goes on with a
-    sweep that was interrupted; of a finished one it makes table and pictures again.
+    FILE defines the keys and values (docs/sweeps.md), or is the folder of a sweep. The same command
+    continues a sweep that was interrupted. For a finished sweep it writes table and pictures again.
     """
     from dualbend.study.sweep.design import make_design
     from dualbend.study.sweep.file import load_sweep
@@ -36,7 +36,10 @@ def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | No
     from dualbend.study.sweep.run import locally, run_sweep
 
     if workers is not None and scheduler is not None:
-        click.echo("dualbend: --workers are local, --scheduler has its own: give one", err=True)
+        click.echo(
+            "dualbend: --workers is for local runs, --scheduler has its own: give one of them",
+            err=True,
+        )
         sys.exit(EXIT_BAD_INPUT)
     loaded = load_sweep(file)
     design = make_design(loaded)
@@ -53,7 +56,7 @@ def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | No
         progress.end_line()
         click.echo(
             f"dualbend: interrupted after {progress.done} of {progress.total} runs, kept in "
-            f"{folder}; the same command goes on",
+            f"{folder}; the same command continues",
             err=True,
         )
         sys.exit(EXIT_INTERRUPTED)

@@ -1,4 +1,4 @@
-"""Commands that ask the theory or hold the simulation against it."""
+"""Commands that compute theory, or compare the simulation with it."""
 
 from __future__ import annotations
 
@@ -25,21 +25,23 @@ if TYPE_CHECKING:
 @click.option("--length", type=float, required=True, help="Free length L [m].")
 @click.option("--width", type=float, required=True, help="Width w [m].")
 @click.option("--thickness", type=float, required=True, help="Thickness t [m].")
-@click.option("--young", type=float, help="Young's modulus E [Pa]; none: the material's.")
-@click.option("--material", help="From dualbend materials: E, ν, weight and limit.")
+@click.option("--young", type=float, help="Young's modulus E [Pa]; default: the material's.")
+@click.option("--material", help="From dualbend materials: E, ν, weight and strain limit.")
 @click.option(
     "--rigidity",
     type=click.Choice(["beam", "plate", "width"]),
     default="beam",
     show_default=True,
-    help="Bending stiffness: EI, EI / (1 - ν²), or between by the width.",
+    help="Bending stiffness: EI, EI / (1 - ν²), or between them for the width.",
 )
-@click.option("--poisson", type=float, help="Poisson's ratio ν; none: the material's, or 0.3.")
+@click.option("--poisson", type=float, help="Poisson's ratio ν; default: the material's, or 0.3.")
 @click.option("--alpha", type=float, required=True, help="End slope α [rad].")
 @click.option(
-    "--half-distance", type=float, help="Half distance of the grips [m]; none: no end moment."
+    "--half-distance",
+    type=float,
+    help="Half distance of the grips [m]; default: no end moment.",
 )
-@click.option("--weight", type=float, help="Weight per length q [N/m]; none: the material's, or 0.")
+@click.option("--weight", type=float, help="Weight q [N/m]; default: the material's, or 0.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def beam(
     length: float,
@@ -54,10 +56,10 @@ def beam(
     weight: float | None,
     as_json: bool,
 ) -> None:
-    """Force, moment and shape of a sheet between two grips.
+    """Compute force, moment and shape of a sheet between two grips.
 
-    What the other ways to take its bending stiffness would make of the force; with a material,
-    the surface strain and its limit.
+    Also prints the force with the other kinds of bending stiffness and, with a material, the
+    surface strain and its limit.
     """
     from dualbend.beam.calculator import bent_sheet
 
@@ -88,17 +90,17 @@ def beam(
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--markdown", type=click.Path(path_type=Path), help="Markdown file to write.")
-@click.option("--arm", metavar="NAME", help="Measure one arm of dualbend arms instead.")
-@click.option("--shell", is_flag=True, help="The plate against plate theory instead; a minute.")
+@click.option("--arm", metavar="NAME", help="Measure one arm from dualbend arms instead.")
+@click.option("--shell", is_flag=True, help="The shell against plate theory instead; a minute.")
 def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool) -> None:
-    """Measure how far simulation is from theory.
+    """Measure the difference between simulation and theory.
 
-    Takes a minute or two; exit code 1 where a row fails.
+    Takes one or two minutes. The exit code is 1 if a row fails.
     """
     from dualbend.validation.table import run_arm_validation, run_validation
 
     if arm is not None and shell:
-        raise InputError("--arm and --shell: one of the two")
+        raise InputError("--arm and --shell cannot be combined: give one of them")
     if markdown is not None:
         _write_markdown("", markdown)  # before two minutes are spent
     on_row = None if as_json else _show_row

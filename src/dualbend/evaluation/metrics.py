@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from dualbend.arm.joint_limits import arm_room
+from dualbend.arm.joint_limits import joint_limit_margins
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.sheet import sheet_report
 from dualbend.run.arms import arm_pair
@@ -142,7 +142,7 @@ def summarise(result: RunRecord) -> Summary:
         versions=versions(),
         sheet=msgspec.to_builtins(sheet_report(scenario)),
         metrics=result.metrics,
-        arms=msgspec.to_builtins(arm_room(arm_pair(scenario), result.trace.setpoints)),
+        arms=msgspec.to_builtins(joint_limit_margins(arm_pair(scenario), result.trace.setpoints)),
         tables=result.task.part("tables")(result),
     )
 

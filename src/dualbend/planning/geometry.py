@@ -1,4 +1,4 @@
-"""The room of a tilted hole, and what the tip of a pin does to it.
+"""Free play of a tilted hole over a pin, and guidance of a hole by the pin's tip.
 
 Planar, on the outer side: x from the middle outward, z upward, slope θ ≥ 0 rising outward. The
 middle's lower face rests on the bed, so a point of the mid-surface stands t/2 + z above it.
@@ -60,12 +60,12 @@ def pin_radius(pins: PinsConfig, height: FloatArray) -> FloatArray:
     return np.where(below >= 0.0, tip, -np.inf)
 
 
-def pressed_by(
+def interference(
     pose: HolePose, along_m: float, hole_m: float, thickness_m: float, pins: PinsConfig
 ) -> float:
-    """Return how far a pin at x = along_m presses the outer wall of a hole outward [m].
+    """Return how far a pin at x = along_m reaches beyond the outer wall of a hole [m].
 
-    −∞ where the wall is above the tip, negative where there is room left. Exact in the plane of
+    Negative where there is clearance, −∞ where the wall is above the tip. Exact in the plane of
     the pin's axis, for a flat plate of the slope of the hole's centre.
     """
     sine, cosine = math.sin(pose.slope_rad), math.cos(pose.slope_rad)
@@ -78,9 +78,9 @@ def pressed_by(
 def tip_guides(pins: PinsConfig, hole_m: float, thickness_m: float, slope_rad: float) -> float:
     """Return the largest offset of hole to pin [m] from which the tip still guides the hole in.
 
-    With R = (D cos θ − t |sin θ|)/2, half of what the hole leaves open, an offset e touches the
-    tip at the distance R − e from its axis; beyond R the tip would stand under the plate. The
-    hole slides down where the tip is there steeper than the friction angle:
+    With R = (D cos θ − t |sin θ|)/2, half of the hole's opening seen from above, an offset e
+    touches the tip at the distance R − e from its axis; beyond R the tip would stand under the
+    plate. The hole slides down where the tip is there steeper than the friction angle:
 
         round:  R − e ≥ r sin(atan μ)     so  e ≤ R − r μ / √(1 + μ²)
         taper:  R − e ≥ r/3 (the flat end), and length / (2 r/3) ≥ μ     so  e ≤ R − r/3;

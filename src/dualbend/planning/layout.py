@@ -1,4 +1,4 @@
-"""A sheet with holes over its pins: its room at a bending angle, and layouts that are none."""
+"""A sheet with holes over its pins: clearances at a bending angle, and layouts that are refused."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from dualbend.scene.bed.config import HolePairConfig, HolesConfig, PinsConfig
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """A sheet, its holes and their pins, and how much room there has to be.
+    """A sheet with its holes, their pins, and the limits of the bending angle.
 
     margin_m is the height of the outer holes above the tips of their pins, yield_strain the
-    largest strain that the surface may have (None: any), least_half_distance_m the half distance
+    largest strain that the surface may have (None: any), min_half_distance_m the half distance
     of the grips at which the grippers meet, weight whether the sheet's own weight is counted.
     """
 
@@ -28,7 +28,7 @@ class Layout:
     pins: PinsConfig
     margin_m: float = 1e-3
     yield_strain: float | None = None
-    least_half_distance_m: float = 0.0
+    min_half_distance_m: float = 0.0
     weight: bool = True
 
     @property
@@ -43,20 +43,20 @@ class Layout:
         return hang(self.sheet, alpha, weight=False)
 
     def approach_m(self, pose: HolePose, along_m: float) -> float:
-        """Return how much nearer to the middle a hole is than its pin [m]."""
+        """Return how much closer to the middle a hole is than its pin [m]."""
         return along_m - pose.x_m
 
-    def fit_slack_m(self, shape: HangingSheet, along_m: float | None = None) -> float:
-        """Return half the free play of a middle hole less its approach [m]; falls with α."""
-        s = self.holes.middle.along_m if along_m is None else along_m
+    def fit_slack_m(self, shape: HangingSheet) -> float:
+        """Return half the free play of a middle hole, less its approach [m]; falls with α."""
+        s = self.holes.middle.along_m
         pose, pin = shape.at(s), self.pins.diameter_m
         play = hole_play(self.hole_m, pin, self.sheet.thickness_m, pose.slope_rad)
         return play / 2.0 - self.approach_m(pose, s)
 
-    def seat_slack_m(self, shape: HangingSheet, along_m: float | None = None) -> float:
+    def seat_slack_m(self, shape: HangingSheet) -> float:
         """Return how far the centre of a middle hole is below the pin's tip [m]; falls with α."""
-        s = self.holes.middle.along_m if along_m is None else along_m
-        return self.pins.height_m - self.sheet.thickness_m / 2.0 - shape.at(s).z_m
+        z = shape.at(self.holes.middle.along_m).z_m
+        return self.pins.height_m - self.sheet.thickness_m / 2.0 - z
 
     def lift_m(self, shape: HangingSheet) -> float:
         """Return how far the rims of the outer holes are above the tips [m]; grows with α."""
@@ -64,7 +64,7 @@ class Layout:
         return lowest_rim(pose, self.hole_m, self.sheet.thickness_m) - self.pins.height_m
 
     def guide_slack_m(self, shape: HangingSheet) -> float:
-        """Return what the tip of an outer pin guides, less the hole's offset [m]; falls with α."""
+        """Return the offset that an outer tip guides, less the hole's [m]; falls with α."""
         s = self.holes.outer.along_m
         pose = shape.at(s)
         reach = tip_guides(self.pins, self.hole_m, self.sheet.thickness_m, pose.slope_rad)
@@ -72,13 +72,13 @@ class Layout:
 
 
 def check_layout(layout: Layout) -> None:
-    """Raise InputError where holes or pins overlap or leave the sheet, or a tip is no tip."""
+    """Raise InputError where holes or pins overlap or leave the sheet, or a tip is too long."""
     for problem in _problems(layout):
         raise InputError(problem)
 
 
 def _problems(layout: Layout) -> Iterator[str]:
-    """Yield what is wrong with the layout, whatever the angle: key, value, what would be right."""
+    """Yield what is wrong at any bending angle: key, value, what would be right."""
     sheet, holes, pins = layout.sheet, layout.holes, layout.pins
     D, d = layout.hole_m, pins.diameter_m
     named = (("middle", holes.middle), ("outer", holes.outer))

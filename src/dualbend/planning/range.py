@@ -1,9 +1,10 @@
-"""Which bending angles put a sheet on its pins, or what fails where none does."""
+"""Range of the bending angles at which a sheet goes on its pins, or the condition that fails."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, Literal
 
 from scipy.optimize import brentq
@@ -23,8 +24,8 @@ class AngleRange:
     """Bending angles [rad]: the range is [clear_rad, highest_rad], limit says what ends it.
 
     reach_rad: unfolding, the rims of the outer holes come level with the tips. clear_rad: they
-    are margin_m above. fit_rad: the middle pair has no room left. seat_rad: the middle holes are
-    level with their tips. yield_rad (None: not given, or beyond the rest) and grippers_rad: the
+    are margin_m above. fit_rad: the middle pair has no free play left. seat_rad: the middle holes
+    are level with their tips. yield_rad (None: not given, or beyond the rest) and grippers_rad: the
     sheet yields, the grippers meet. fit_rad and seat_rad are HIGHEST_RAD where nothing binds.
     """
 
@@ -40,7 +41,7 @@ class AngleRange:
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """Why there is no range: the angle it fails at, the shape there, the top of the search."""
+    """The condition that leaves no range, the shape at which it fails, and the highest angle."""
 
     reason: Reason
     shape: HangingSheet
@@ -49,26 +50,28 @@ class Failure:
 
 
 def solve_range(layout: Layout) -> AngleRange | Failure:
-    """Return the range of a layout that check_layout passes, or the first thing that fails."""
+    """Return the range of a layout that check_layout passes, or the first condition that fails."""
     strained = _yield_angle(layout)
-    met = elastica.end_slope_from_half_distance(layout.least_half_distance_m, layout.sheet.length_m)
-    top, limit = _top(strained, met)
+    met = elastica.end_slope_from_half_distance(layout.min_half_distance_m, layout.sheet.length_m)
+    tops: list[tuple[float, Limit]] = [(HIGHEST_RAD, "upright ends"), (met, "grippers")]
+    if strained is not None:
+        tops.append((strained, "yield"))
+    top, limit = min(tops, key=lambda end: end[0])
+    fails = partial(Failure, top_rad=top, limit=limit)
     at_top = layout.hang(top)
     if layout.lift_m(at_top) < layout.margin_m:
-        return Failure(reason="too high", shape=at_top, top_rad=top, limit=limit)
-    clear = _rises_to(layout, layout.margin_m, top)
-    reach = _rises_to(layout, 0.0, clear)
+        return fails(reason="too high", shape=at_top)
+    clear = _lifted(layout, layout.margin_m, top)
+    reach = _lifted(layout, 0.0, clear)
     at_clear, at_reach = layout.hang(clear), layout.hang(reach)
-    slacks: tuple[tuple[Reason, float, HangingSheet], ...] = (
-        ("no room", layout.fit_slack_m(at_clear), at_clear),
-        ("above tips", layout.seat_slack_m(at_clear), at_clear),
-        ("not guided", layout.guide_slack_m(at_reach), at_reach),
-    )
-    for reason, slack, shape in slacks:
-        if slack < 0.0:
-            return Failure(reason=reason, shape=shape, top_rad=top, limit=limit)
-    fit = falls_to_zero(lambda a: layout.fit_slack_m(layout.hang(a)), clear, HIGHEST_RAD)
-    seat = falls_to_zero(lambda a: layout.seat_slack_m(layout.hang(a)), clear, HIGHEST_RAD)
+    if layout.fit_slack_m(at_clear) < 0.0:
+        return fails(reason="no room", shape=at_clear)
+    if layout.seat_slack_m(at_clear) < 0.0:
+        return fails(reason="above tips", shape=at_clear)
+    if layout.guide_slack_m(at_reach) < 0.0:
+        return fails(reason="not guided", shape=at_reach)
+    fit = highest_angle(layout, layout.fit_slack_m, clear, HIGHEST_RAD)
+    seat = highest_angle(layout, layout.seat_slack_m, clear, HIGHEST_RAD)
     ends: list[tuple[float, Limit]] = [(top, limit), (fit, "middle pair"), (seat, "pin height")]
     highest, limit = min(ends, key=lambda end: end[0])
     return AngleRange(
@@ -84,10 +87,17 @@ def solve_range(layout: Layout) -> AngleRange | Failure:
 
 
 def falls_to_zero(slack: Callable[[float], float], low: float, high: float) -> float:
-    """Return the root in [low, high] of a falling function: high if none is left, low if below."""
+    """Return the root of a falling function, cut off at the ends of [low, high]."""
     if slack(high) >= 0.0:
         return high
     return float(brentq(slack, low, high, xtol=ANGLE_TOLERANCE_RAD)) if slack(low) > 0.0 else low
+
+
+def highest_angle(
+    layout: Layout, slack: Callable[[HangingSheet], float], low: float, high: float
+) -> float:
+    """Return the angle in [low, high] up to which a slack is left that falls with the angle."""
+    return falls_to_zero(lambda alpha: slack(layout.hang(alpha)), low, high)
 
 
 def _yield_angle(layout: Layout) -> float | None:
@@ -96,19 +106,11 @@ def _yield_angle(layout: Layout) -> float | None:
         return None
     if not strain > 0.0:
         raise InputError(f"yield_strain must be above 0, got {strain!r}")
-    found = falls_to_zero(lambda a: strain - layout.hang(a).strain, LOWEST_RAD, HIGHEST_RAD)
+    found = highest_angle(layout, lambda shape: strain - shape.strain, LOWEST_RAD, HIGHEST_RAD)
     return found if found < HIGHEST_RAD else None
 
 
-def _top(strained: float | None, met: float) -> tuple[float, Limit]:
-    """Return the largest bending angle that the sheet and the grippers allow, and its reason."""
-    candidates: list[tuple[float, Limit]] = [(HIGHEST_RAD, "upright ends"), (met, "grippers")]
-    if strained is not None:
-        candidates.append((strained, "yield"))
-    return min(candidates, key=lambda end: end[0])
-
-
-def _rises_to(layout: Layout, lift_m: float, top: float) -> float:
-    """Return the smallest α with the given lift, which is reached at top."""
+def _lifted(layout: Layout, lift_m: float, top: float) -> float:
+    """Return the lowest angle with the given lift of the outer holes, which is reached at top."""
     low = min(LOWEST_RAD, top)
-    return falls_to_zero(lambda a: lift_m - layout.lift_m(layout.hang(a)), low, top)
+    return highest_angle(layout, lambda shape: lift_m - layout.lift_m(shape), low, top)

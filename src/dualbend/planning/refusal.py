@@ -1,41 +1,46 @@
-"""The range of bending angles, or a refusal that says what is missing and what would do."""
+"""Refusal of a layout without a range of bending angles: what is missing, and what would do."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, Literal, TypeVar
 
 import msgspec
 
 from dualbend.errors import InputError
 from dualbend.planning.geometry import lowest_rim
 from dualbend.planning.layout import Layout, check_layout
-from dualbend.planning.range import AngleRange, Failure, falls_to_zero, solve_range
+from dualbend.planning.range import AngleRange, Failure, falls_to_zero, highest_angle, solve_range
 from dualbend.planning.shape import LOWEST_RAD, HangingSheet
 from dualbend.scene.bed.config import HolesConfig, PinsConfig
 
+S = TypeVar("S", bound=msgspec.Struct)
+
 LENGTH_STEP_M: Final = 1e-5
 CLEARANCE_STEP_M: Final = 1e-6
-"""What is proposed is rounded to these, towards more room."""
+"""Proposed values are rounded to multiples of these, towards more clearance."""
 
 
 def angle_range(layout: Layout) -> AngleRange:
     """Return the range of bending angles of a layout.
 
-    Raises InputError with what is missing in mm and which single number would do instead.
+    Raises
+    ------
+    InputError
+        There is none; the message says what is missing [mm] and which single number would do.
     """
     check_layout(layout)
     found = solve_range(layout)
     if isinstance(found, Failure):
-        fixes = [fix for fix, changed in _fixes(layout, found) if _accepted(changed)]
+        fixes = [fix for fix, changed in _proposals(layout, found) if _accepted(changed)]
         remedy = f"{' or '.join(fixes)} would do" if fixes else "no single change would do"
-        raise InputError(f"{_describe(layout, found)}; {remedy}")
+        raise InputError(f"{_missing(layout, found)}; {remedy}")
     return found
 
 
-def _describe(layout: Layout, failure: Failure) -> str:
+def _missing(layout: Layout, failure: Failure) -> str:
     """Say what is missing, in mm."""
     holes, pins, shape = layout.holes, layout.pins, failure.shape
     at, mm = f"{shape.alpha_rad:.3f} rad", 1e3
@@ -80,54 +85,61 @@ def _accepted(layout: Layout) -> bool:
         return False
 
 
-def _fixes(layout: Layout, failure: Failure) -> Iterator[tuple[str, Layout]]:
+def _proposals(layout: Layout, failure: Failure) -> Iterator[tuple[str, Layout]]:
     """Yield each change of one number that makes the failed inequality an equality.
 
     The bound is the nearest value that does; much beyond it another inequality may bind.
     """
-    holes, pins = layout.holes, layout.pins
-    if failure.reason in ("no room", "above tips"):
-        s = _rounded(_middle_along(layout, failure.shape), LENGTH_STEP_M, down=True)
-        nearer = msgspec.structs.replace(holes.middle, along_m=s)
-        changed = msgspec.structs.replace(holes, middle=nearer)
-        yield f"holes.middle.along_m <= {s:g}", replace(layout, holes=changed)
-    if failure.reason == "no room":
-        c = _clearance(layout, failure.shape.alpha_rad, failure.top_rad)
+    pins, reason, top = layout.pins, failure.reason, failure.top_rad
+    if reason in ("no room", "above tips"):
+        s = _middle_along(layout, failure.shape)
+        yield _proposal(layout, "holes.middle.along_m", "<=", s, LENGTH_STEP_M)
+    if reason == "no room":
+        c = _clearance(layout, failure.shape.alpha_rad, top)
         if c is not None:
-            c = _rounded(c, CLEARANCE_STEP_M, down=False)
-            changed = msgspec.structs.replace(holes, clearance_m=c)
-            yield f"holes.clearance_m >= {c:g}", replace(layout, holes=changed)
-    best = falls_to_zero(lambda a: layout.fit_slack_m(layout.hang(a)), LOWEST_RAD, failure.top_rad)
+            yield _proposal(layout, "holes.clearance_m", ">=", c, CLEARANCE_STEP_M)
+    best = highest_angle(layout, layout.fit_slack_m, LOWEST_RAD, top)
     shape = layout.hang(best)
-    if failure.reason != "not guided":
+    if reason != "not guided":
         far = _outer_along(layout, shape)
         if far is not None:
-            far = _rounded(far, LENGTH_STEP_M, down=False)
-            further = msgspec.structs.replace(holes.outer, along_m=far)
-            changed = msgspec.structs.replace(holes, outer=further)
-            yield f"holes.outer.along_m >= {far:g}", replace(layout, holes=changed)
-    guided = falls_to_zero(lambda a: layout.guide_slack_m(layout.hang(a)), LOWEST_RAD, best)
-    height = pins.height_m + min(
-        layout.lift_m(shape) - layout.margin_m, layout.lift_m(layout.hang(guided))
-    )
+            yield _proposal(layout, "holes.outer.along_m", ">=", far, LENGTH_STEP_M)
+    guided = layout.hang(highest_angle(layout, layout.guide_slack_m, LOWEST_RAD, best))
+    height = pins.height_m + min(layout.lift_m(shape) - layout.margin_m, layout.lift_m(guided))
     # Where the middle holes are above their tips, lower pins make it worse.
     if LENGTH_STEP_M < height < pins.height_m:
-        height = _rounded(height, LENGTH_STEP_M, down=True)
-        lower = msgspec.structs.replace(pins, height_m=height)
-        yield f"pins.height_m <= {height:g}", replace(layout, pins=lower)
+        yield _proposal(layout, "pins.height_m", "<=", height, LENGTH_STEP_M)
 
 
-def _rounded(value: float, step: float, *, down: bool) -> float:
-    """Round a proposal to whole steps, towards more room."""
-    count = math.floor(value / step) if down else math.ceil(value / step)
-    return float(f"{count * step:.9g}")
+def _proposal(
+    layout: Layout, key: str, bound: Literal["<=", ">="], value: float, step: float
+) -> tuple[str, Layout]:
+    """Round a bound to whole steps, towards more clearance; return it in words and applied."""
+    count = math.floor(value / step) if bound == "<=" else math.ceil(value / step)
+    rounded = float(f"{count * step:.9g}")
+    return f"{key} {bound} {rounded:g}", _with_value(layout, key, rounded)
+
+
+def _with_value(layout: Layout, key: str, value: float) -> Layout:
+    part, *path = key.split(".")
+    if part == "pins":
+        return replace(layout, pins=_replaced(layout.pins, path, value))
+    return replace(layout, holes=_replaced(layout.holes, path, value))
+
+
+def _replaced(struct: S, path: Sequence[str], value: float) -> S:
+    """Return a structure with the number changed that a path of names leads to."""
+    name, *rest = path
+    changed = _replaced(getattr(struct, name), rest, value) if rest else value
+    return msgspec.structs.replace(struct, **{name: changed})
 
 
 def _middle_along(layout: Layout, shape: HangingSheet) -> float:
-    """Return the largest arc length at which the middle pair has room in a shape."""
+    """Return the largest arc length at which the middle pair fits over its pins in a shape."""
 
     def slack(s: float) -> float:
-        return min(layout.fit_slack_m(shape, s), layout.seat_slack_m(shape, s))
+        moved = _with_value(layout, "holes.middle.along_m", s)
+        return min(moved.fit_slack_m(shape), moved.seat_slack_m(shape))
 
     return falls_to_zero(slack, 0.0, layout.holes.middle.along_m)
 
@@ -157,10 +169,9 @@ def _clearance(layout: Layout, low: float, top: float) -> float | None:
         closer = 2.0 * layout.approach_m(pose, holes.middle.along_m)
         return (d + t * math.sin(pose.slope_rad) + closer) / math.cos(pose.slope_rad)
 
-    def missing(alpha: float) -> float:
-        shape = layout.hang(alpha)
+    def missing(shape: HangingSheet) -> float:
         return wanted - lowest_rim(shape.at(holes.outer.along_m), diameter(shape), t)
 
-    if missing(top) > 0.0:
+    if missing(layout.hang(top)) > 0.0:
         return None
-    return diameter(layout.hang(falls_to_zero(missing, low, top))) - d
+    return diameter(layout.hang(highest_angle(layout, missing, low, top))) - d

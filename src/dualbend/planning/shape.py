@@ -24,13 +24,13 @@ from dualbend.errors import InputError
 NODES: Final = 49
 """Bending angles at which shape_family solves for the shape."""
 LOWEST_RAD: Final = 5e-3
-"""Below this end slope the bed is taken to carry the sheet, so that its weight bends nothing."""
+"""Below this end slope the bed is assumed to carry the sheet, whose weight then bends nothing."""
 HIGHEST_RAD: Final = math.pi / 2
-"""The planner ends where the ends of the sheet are upright; up to there all holes still rise."""
+"""Upright ends of the sheet, where the planner stops; up to there all holes still rise."""
 
 
 class HolePose(NamedTuple):
-    """Where the centre of a hole is: x and z from the sheet's middle [m], slope θ [rad]."""
+    """Pose of the centre of a hole: x and z from the sheet's middle [m], slope θ [rad]."""
 
     x_m: float
     z_m: float
@@ -79,41 +79,58 @@ class HangingSheet:
 def hang(sheet: Sheet, alpha: float, *, weight: bool = True) -> HangingSheet:
     """Return the sheet whose grips are where the zero-moment path has them at α [rad].
 
-    With weight the shape and the loads are the rod's (beam.rod.solve_symmetric), else, and
-    below LOWEST_RAD, those of the closed form: there a hanging sheet that cannot stretch would
-    be taut (P → −∞ as 1/α), but this one lies on a bed. For 0.5 mm aluminium of 0.4 m the weight
-    lowers the holes against the middle by 0.02 mm and takes 1 % off their approach at 0.13 rad.
-    Raises InputError for α outside [0, HIGHEST_RAD], or where the rod has no state that is found.
+    With weight the shape and the loads are those of the reference solution
+    (beam.rod.planar.solve_symmetric). Without it, and below LOWEST_RAD, they are those of the
+    closed form: there a hanging sheet that cannot stretch would be taut (P → −∞ as 1/α), but this
+    one lies on a bed. For 0.5 mm aluminium of 0.4 m the weight lowers the holes against the middle
+    by 0.02 mm and takes 1 % off their approach at 0.13 rad.
+
+    Raises
+    ------
+    InputError
+        α lies outside [0, HIGHEST_RAD], or the reference solution finds no state.
     """
     within("end slope α [rad]", alpha, 0.0, HIGHEST_RAD)
     if weight and alpha >= LOWEST_RAD:
-        return _by_rod(sheet, alpha)
+        return _by_reference(sheet, alpha)
     return _by_closed_form(sheet, alpha)
 
 
-def _by_rod(sheet: Sheet, alpha: float) -> HangingSheet:
+def _half_sheet(
+    sheet: Sheet,
+    alpha: float,
+    s: FloatArray,
+    nodes: FloatArray,
+    curvature: FloatArray,
+    numbers: tuple[float, float, float, float],
+) -> HangingSheet:
+    """Return the half sheet; the numbers are rise, end force, end moment and surface strain."""
+    rise, force, moment, strain = numbers
+    return HangingSheet(
+        alpha_rad=alpha,
+        half_distance_m=elastica.half_distance(alpha, sheet.length_m),
+        rise_m=rise,
+        end_force_n=force,
+        end_moment_nm=moment,
+        strain=strain,
+        s_m=s,
+        nodes=nodes,
+        rates=np.stack([np.cos(nodes[2]), np.sin(nodes[2]), curvature]),
+    )
+
+
+def _by_reference(sheet: Sheet, alpha: float) -> HangingSheet:
     EI, L = sheet.bending_stiffness_nm2, sheet.length_m
     half = elastica.half_distance(alpha, L)
     state = rod.solve_symmetric(EI, L, alpha, half, sheet.weight_per_length_n_per_m)
     if not state.converged:
         raise InputError(f"no shape of the hanging sheet found at {alpha:.4f} rad: {state.reason}")
     middle = state.s_m.size // 2
-    slope = -state.theta_rad[middle:]
-    nodes = np.stack(
-        [state.x_m[middle:] - state.x_m[middle], state.z_m[middle:] - state.z_m[middle], slope]
-    )
-    curvature = -state.curvature_per_m[middle:]
-    return HangingSheet(
-        alpha_rad=alpha,
-        half_distance_m=half,
-        rise_m=state.rise_m,
-        end_force_n=state.end_force_n,
-        end_moment_nm=state.end_moment_nm,
-        strain=float(np.max(np.abs(curvature))) * sheet.thickness_m / 2.0,
-        s_m=state.s_m[middle:] - L / 2.0,
-        nodes=nodes,
-        rates=np.stack([np.cos(slope), np.sin(slope), curvature]),
-    )
+    x, z = (row[middle:] - row[middle] for row in (state.x_m, state.z_m))
+    nodes, curvature = np.stack([x, z, -state.theta_rad[middle:]]), -state.curvature_per_m[middle:]
+    strain = float(np.max(np.abs(curvature))) * sheet.thickness_m / 2.0
+    numbers = (state.rise_m, state.end_force_n, state.end_moment_nm, strain)
+    return _half_sheet(sheet, alpha, state.s_m[middle:] - L / 2.0, nodes, curvature, numbers)
 
 
 def _by_closed_form(sheet: Sheet, alpha: float) -> HangingSheet:
@@ -122,18 +139,11 @@ def _by_closed_form(sheet: Sheet, alpha: float) -> HangingSheet:
     x, z, theta = elastica.shape(alpha, L, s + L / 2.0)
     # κ² = 2 (P/EI) (cos θ − cos α), written without a difference of nearly equal cosines.
     drop = np.maximum(math.sin(alpha / 2.0) ** 2 - np.sin(theta / 2.0) ** 2, 0.0)
+    nodes = np.stack([x - x[0], z - z[0], -theta])
     curvature = 2.0 * np.sqrt(elastica.end_force(alpha, 1.0, L) * drop)
-    return HangingSheet(
-        alpha_rad=alpha,
-        half_distance_m=elastica.half_distance(alpha, L),
-        rise_m=elastica.rise(alpha, L),
-        end_force_n=elastica.end_force(alpha, EI, L),
-        end_moment_nm=0.0,
-        strain=elastica.surface_strain(alpha, L, sheet.thickness_m),
-        s_m=s,
-        nodes=np.stack([x - x[0], z - z[0], -theta]),
-        rates=np.stack([np.cos(theta), -np.sin(theta), curvature]),
-    )
+    rise, force = elastica.rise(alpha, L), elastica.end_force(alpha, EI, L)
+    strain = elastica.surface_strain(alpha, L, sheet.thickness_m)
+    return _half_sheet(sheet, alpha, s, nodes, curvature, (rise, force, 0.0, strain))
 
 
 @lru_cache(maxsize=16)
@@ -145,11 +155,11 @@ def shape_family(sheet: Sheet) -> Callable[[float], HangingSheet]:
     The function returned raises what hang raises.
     """
     u = np.linspace(0.0, math.sqrt(HIGHEST_RAD - LOWEST_RAD), NODES)
-    shapes = [_by_rod(sheet, min(LOWEST_RAD + float(v) ** 2, HIGHEST_RAD)) for v in u]
-    scalars = [(h.rise_m, h.end_force_n * h.alpha_rad, h.end_moment_nm, h.strain) for h in shapes]
+    shapes = [_by_reference(sheet, min(LOWEST_RAD + float(v) ** 2, HIGHEST_RAD)) for v in u]
+    numbers = [(h.rise_m, h.end_force_n * h.alpha_rad, h.end_moment_nm, h.strain) for h in shapes]
     rows = [
-        np.concatenate([h.nodes.ravel(), h.rates[2], numbers])
-        for h, numbers in zip(shapes, scalars, strict=True)
+        np.concatenate([h.nodes.ravel(), h.rates[2], own])
+        for h, own in zip(shapes, numbers, strict=True)
     ]
     spline, s = CubicSpline(u, np.stack(rows)), shapes[0].s_m
 
@@ -158,18 +168,9 @@ def shape_family(sheet: Sheet) -> Callable[[float], HangingSheet]:
         if alpha < LOWEST_RAD:
             return _by_closed_form(sheet, alpha)
         row = np.asarray(spline(math.sqrt(alpha - LOWEST_RAD)))
-        nodes = row[: 3 * s.size].reshape(3, -1)
-        rise, pull, moment, strain = (float(number) for number in row[-4:])
-        return HangingSheet(
-            alpha_rad=alpha,
-            half_distance_m=elastica.half_distance(alpha, sheet.length_m),
-            rise_m=rise,
-            end_force_n=pull / alpha,
-            end_moment_nm=moment,
-            strain=strain,
-            s_m=s,
-            nodes=nodes,
-            rates=np.stack([np.cos(nodes[2]), np.sin(nodes[2]), row[3 * s.size : -4]]),
-        )
+        nodes, curvature = row[: 3 * s.size].reshape(3, -1), row[3 * s.size : -4]
+        rise, force_alpha, moment, strain = row[-4:].tolist()
+        numbers = (rise, force_alpha / alpha, moment, strain)
+        return _half_sheet(sheet, alpha, s, nodes, curvature, numbers)
 
     return look_up

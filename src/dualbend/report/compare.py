@@ -9,6 +9,7 @@ import msgspec
 
 from dualbend.errors import InputError
 from dualbend.run.record import Metric, RunRecord
+from dualbend.table import Column, Table
 
 _NONE = "-"
 _OWN_CONTROLLER = "the scenario's own"
@@ -84,20 +85,16 @@ def labels(a: RunRecord, b: RunRecord) -> tuple[str, str]:
 
 def report_text(found: Comparison) -> str:
     """Return the comparison as text."""
-    head = ("", *found.labels, "change", "unit")
-    rows = [("outcome", *found.outcomes, "", "")]
-    rows += [
-        (row.name, _number(row.a), _number(row.b), _percent(row.change), row.unit)
-        for row in found.metrics
-    ]
-    parts = [_columns([head, *rows])]
+    a, b = (Column(label, format=".5g") for label in found.labels)
+    columns = [Column(""), a, b, Column("change"), Column("unit")]
+    rows: list[tuple[object, ...]] = [("outcome", *found.outcomes)]
+    rows += [(row.name, row.a, row.b, _percent(row.change), row.unit) for row in found.metrics]
+    parts = [Table(columns, rows).text()]
     for title, items in (("settings", found.settings), ("versions", found.versions)):
-        lines = [(item.name, item.a, item.b) for item in items]
-        parts.append(
-            _columns([(f"{title} that differ", *found.labels), *lines])
-            if lines
-            else f"{title}: the same"
+        differing = Table(
+            [Column(f"{title} that differ"), a, b], [(item.name, item.a, item.b) for item in items]
         )
+        parts.append(differing.text() if items else f"{title}: the same")
     return "\n\n".join(parts)
 
 
@@ -111,7 +108,7 @@ def write_comparison(
     InputError
         The folder cannot be written to.
     """
-    from dualbend.report.figures_compare import plot_compared_moments  # noqa: PLC0415
+    from dualbend.report.figures import plot_compared_moments  # noqa: PLC0415
 
     text = report_text(found)
     try:
@@ -182,16 +179,6 @@ def _differing(a: dict[str, str], b: dict[str, str]) -> Iterator[Differing]:
         first, second = a.get(name, _NONE), b.get(name, _NONE)
         if first != second:
             yield Differing(name=name, a=first, b=second)
-
-
-def _columns(rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
-    return "\n".join(line.rstrip() for line in lines)
-
-
-def _number(value: float | None) -> str:
-    return _NONE if value is None else f"{value:.5g}"
 
 
 def _percent(change: float | None) -> str:

@@ -1,90 +1,161 @@
-"""The pictures: moment over bending angle, as in the paper's Figs. 6, 8, 9; stability maps."""
+"""Plots drawn by matplotlib: a run's moment, two runs' moments, stability maps, as PNG."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 
 mpl.use("Agg")
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
 
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import bending_rows
+from dualbend.report.moment import is_bending, knots_of, moment_plot, recorded_moments
+from dualbend.report.plot import COLOURS, LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot
+from dualbend.report.sections.tables import ended
+from dualbend.report.stability_map import stability_panel
 from dualbend.run.record import RunRecord
-from dualbend.scenario.path import make_path
 from dualbend.stability.map import Panel
 
+PALETTE: dict[Colour, Any] = {
+    **{name: f"tab:{name}" for name in ("blue", "orange", "green", "purple", "red")},
+    "grey": "0.75",
+}
+ANGLE = Axis("bending angle α, nominal", "rad")
 
-def plot_moment(result: RunRecord, path: Path) -> None:
-    """Write the moment at the sensing gripper, true, measured and filtered, as PNG."""
-    rows = bending_rows(result)
-    trace, side = result.trace, result.sensing_side
-    alpha = trace["nominal_alpha"][rows]
-    figure = Figure(figsize=(9.0, 5.0), layout="constrained")
+_SIZE = (9.0, 5.0)
+_DPI = 120
+_WIDTH = 0.85
+"""Points a unit of a curve's width, which is a pixel on a page."""
+_MARKERS = {None: "", "star": "*", "circle_dot": "o", "circle_cross": "o"}
+
+
+def draw(axes: Axes, shown: Plot, palette: Mapping[Colour, Any] = PALETTE) -> None:
+    """Draw a plot as it is described; its legend is the caller's."""
+    for left, right in shown.bands:
+        axes.axvspan(left, right, color="0.5", alpha=0.12, linewidth=0.0)
+    for rings in shown.areas:
+        outline = Outline.make_compound_path(*(Outline(np.column_stack(ring)) for ring in rings))
+        axes.add_patch(PathPatch(outline, facecolor="0.9", edgecolor="none", zorder=0))
+    for bar in shown.bars:
+        axes.barh(bar.lane, bar.end - bar.start, left=bar.start, color=palette[bar.colour])
+    for curve in shown.curves:
+        axes.plot(
+            curve.x,
+            curve.y,
+            label=curve.name or "_",
+            color=palette[curve.colour],
+            alpha=curve.opacity,
+            linewidth=_WIDTH * curve.width,
+            linestyle="none" if curve.marker else curve.dash,
+            marker=_MARKERS[curve.marker],
+            markersize=12,
+        )
+    for knot in shown.knots:
+        axes.axvline(knot, color="0.85", linewidth=0.8, zorder=0)
+    for level in shown.levels:
+        axes.axhline(level, color="0.5", linewidth=0.8, zorder=0)
+    axes.set(xscale=shown.x.scale, xlabel=_label(shown.x), ylabel=_label(shown.y))
+    if not shown.bars:
+        axes.set_yscale(shown.y.scale)
+    axes.margins(x=0.01)
+    axes.set_title(shown.title, loc="left")
+    if shown.ranges.x is not None:
+        axes.set_xlim(shown.ranges.x.low, shown.ranges.x.high)
+    if shown.ranges.y is not None:
+        axes.set_ylim(shown.ranges.y.low, shown.ranges.y.high)
+    if shown.true_to_scale:
+        axes.set_aspect("equal", adjustable="datalim")
+
+
+def _label(axis: Axis) -> str:
+    return f"{axis.label} [{axis.unit}]" if axis.unit not in {"", "1"} else axis.label
+
+
+def _picture(shown: Plot) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=_SIZE, layout="constrained")
     axes = figure.add_subplot()
-    for name, colour, width in (
-        ("measured", "0.75", 0.8),
-        ("filtered", "tab:orange", 0.9),
-        ("true", "tab:blue", 1.8),
-    ):
-        moment = 1e3 * trace[f"{side}_{name}_moment_y"][rows]
-        axes.plot(alpha, moment, label=name, color=colour, linewidth=width)
-    scenario = result.scenario
-    for knot in make_path(scenario.path, scenario.sheet.length_m).knots:
-        axes.axvline(float(knot), color="0.85", linewidth=0.8, zorder=0)
-    axes.axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
-    axes.set_xlabel("bending angle α, nominal [rad]")
-    axes.set_ylabel(f"moment at the {side} gripper [mN m]")
-    ended = result.outcome.replace("_", " ")
-    if result.reason:
-        ended = f"{ended}: {result.reason}"
-    axes.set_title(f"{scenario.name}  ({ended})", loc="left")
-    largest = np.nanmax(np.abs(trace[f"{side}_true_moment_y"][rows]), initial=0.0)
+    draw(axes, shown)
+    axes.legend(loc="upper right", frameon=False)
+    return figure, axes
+
+
+def plot_moment(run: RunRecord, path: Path) -> None:
+    """Write the moment at the sensing gripper, raw, filtered and true, as PNG."""
+    curves = recorded_moments(run, is_bending(run))
+    shown = moment_plot(
+        curves,
+        knots_of(run.scenario),
+        axes=(ANGLE, Axis(f"moment at the {run.sensing_side} gripper", "mN m")),
+        title=f"{run.scenario.name}  ({ended(run)})",
+    )
+    figure, axes = _picture(shown)
     axes.annotate(
-        f"largest true moment {1e3 * largest:.1f} mN m",
+        f"largest true moment {np.nanmax(np.abs(curves[-1].y), initial=0.0):.1f} mN m",
         xy=(1.0, 1.01),
         xycoords="axes fraction",
         ha="right",
         va="bottom",
     )
-    axes.legend(loc="upper right", frameon=False)
-    axes.margins(x=0.01)
-    figure.savefig(path, dpi=120)
+    figure.savefig(path, dpi=_DPI)
+
+
+def plot_compared_moments(
+    runs: tuple[RunRecord, RunRecord], labels: tuple[str, str], path: Path
+) -> None:
+    """Write the moments at the sensing grippers during bending as PNG: true, and thin, filtered.
+
+    Raises
+    ------
+    OSError
+        ``path`` cannot be written.
+    """
+    looks = zip(runs, labels, COLOURS, LEFT_RIGHT_WIDTHS, strict=False)
+    curves = [curve for look in looks for curve in _filtered_and_true(*look)]
+    shown = moment_plot(
+        curves,
+        sorted({knot for run in runs for knot in knots_of(run.scenario)}),
+        axes=(ANGLE, Axis("moment at the sensing gripper", "mN m")),
+        title=f"{labels[0]} and {labels[1]}",
+    )
+    _picture(shown)[0].savefig(path, dpi=_DPI)
+
+
+def _filtered_and_true(
+    run: RunRecord, label: str, colour: Colour, width: float
+) -> tuple[Curve, Curve]:
+    _, filtered, true = recorded_moments(run, is_bending(run))
+    name = f"{label}, {run.sensing_side}: largest {np.nanmax(np.abs(true.y), initial=0.0):.1f} mN m"
+    return (
+        replace(filtered, name="", colour=colour, width=0.7, opacity=0.5),
+        replace(true, name=name, colour=colour, width=width),
+    )
 
 
 def plot_stability_map(panels: Sequence[Panel], title: str, path: Path) -> None:
     """Write the boundaries in (b, k) at a few bending angles, with the scenario's gains, as PNG.
 
-    Solid: the sampled loop, stable on the side away from the shading of its worst angle; dashed:
-    the paper's (23). Raises InputError where the file cannot be written.
+    Raises InputError where the file cannot be written.
     """
+    viridis = mpl.colormaps["viridis"]
+    angles = {colour: viridis(i / 4) for i, colour in enumerate(COLOURS[:4])}
     figure = Figure(figsize=(6.4 * len(panels), 5.2), layout="constrained")
     axes_of = figure.subplots(1, len(panels), squeeze=False)[0]
     for axes, panel in zip(axes_of, panels, strict=True):
-        worst = np.minimum.reduce(list(panel.sampled.values()))
-        axes.contourf(panel.b, panel.k, worst.T, levels=[0.0, 1.0], colors=["0.9"])
-        for i, (alpha, stiffness) in enumerate(panel.stiffness.items()):
-            colour = mpl.colormaps["viridis"](i / len(panel.stiffness))
-            for field, style in (
-                (panel.sampled[alpha], "solid"),
-                (panel.paper / max(stiffness, 1e-12), "dashed"),
-            ):
-                ratio = np.log(np.clip(field, 1e-12, 1e12)).T
-                axes.contour(panel.b, panel.k, ratio, [0.0], colors=[colour], linestyles=style)
-            axes.plot([], [], color=colour, label=f"{alpha:.2f} rad, k_e = {stiffness:.3g}")
+        draw(axes, stability_panel(panel, stiffness=True), {**PALETTE, **angles})
         axes.plot([], [], color="0.3", label="sampled loop")
         axes.plot([], [], color="0.3", linestyle="dashed", label="paper (23)")
-        axes.plot(*panel.gains, "r*", markersize=12, label="this scenario")
-        axes.set(xscale="log", yscale="log", title=f"{panel.axis} alone; shaded: unstable")
-        axes.set_xlabel(f"damping b [{panel.units[0]}]")
-        axes.set_ylabel(f"stiffness k [{panel.units[1]}]")
         axes.legend(fontsize="small", loc="upper left")
-    figure.suptitle(title)
+    figure.suptitle(f"{title}; shaded: unstable")
     try:
-        figure.savefig(path, dpi=120)
+        figure.savefig(path, dpi=_DPI)
     except (OSError, ValueError) as error:
         raise InputError(f"--map {path}: cannot be written: {error}") from error

@@ -44,7 +44,7 @@
     }
     return figure.line(x, y, {
       source, line_color: curve.colour, line_width: curve.width, line_dash: curve.dash,
-      line_join: "round",
+      line_alpha: curve.opacity, line_join: "round",
     });
   }
 
@@ -93,7 +93,7 @@
     const figure = frame(spec, {y_range: names});
     const column = (key) => spec.bars.map((bar) => bar[key]);
     const source = new Bokeh.ColumnDataSource({data: {
-      y: column("lane"), left: column("start"), right: column("end"), told: column("told"),
+      y: column("lane"), left: column("start"), right: column("end"), label: column("label"),
       colour: column("colour"), takes: spec.bars.map((bar) => bar.end - bar.start),
     }});
     const bars = figure.hbar({
@@ -101,7 +101,7 @@
       fill_color: {field: "colour"}, line_color: null, source,
     });
     figure.add_tools(new Bokeh.HoverTool({renderers: [bars], visible: false, tooltips: [
-      ["phase", "@told"], ["from", "@left{0.00} s"], ["to", "@right{0.00} s"],
+      ["phase", "@label"], ["from", "@left{0.00} s"], ["to", "@right{0.00} s"],
       ["takes", "@takes{0.00} s"],
     ]}));
     return figure;

@@ -8,11 +8,12 @@ from typing import Any
 import msgspec
 
 from dualbend.arm.catalog import JOINT_COUNT
-from dualbend.arm.joint_limits import arm_room
+from dualbend.arm.joint_limits import joint_limit_margins
 from dualbend.arm.model import arm_model
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
+from dualbend.table import Code, Column, Table
 
 _LISTED = (
     *("name", "joint_names", "payload_kg", "reach_m", "range_rad", "speed_limit_rad_per_s"),
@@ -53,42 +54,45 @@ def judge_arms(scenario: str, settings: Sequence[str] = ()) -> Iterator[dict[str
         yield {
             "name": name,
             "cell": msgspec.to_builtins(ready.scenario.cell),
-            "room": msgspec.to_builtins(arm_room(ready.cell.arms, ready.checked_poses)),
+            "room": msgspec.to_builtins(joint_limit_margins(ready.cell.arms, ready.checked_poses)),
         }
 
 
 def table_text(rows: Sequence[dict[str, Any]]) -> str:
     """Return the table of :func:`arm_table` for people."""
-    lines = [f"{'name':<9}{'joints':>6}{'reach':>9}{'payload':>10}  source; grade"]
+    lines: list[tuple[object, ...]] = []
     for row in rows:
         if "missing" in row:
-            lines.append(f"{row['name']:<9}{row['joints']:>6}  {row['missing']}")
+            lines.append((row["name"], row["joints"], "", "", row["missing"]))
             continue
-        lines.append(
-            f"{row['name']:<9}{row['joints']:>6}{row['reach_m']:>7.3g} m"
-            f"{row['payload_kg']:>7.3g} kg  {row['source']}"
-        )
-        notes = [row["grade"], *(f"assumed: {text}" for text in row["assumed"])]
-        lines.extend(f"{'':<34}{note}" for note in notes)
-    return "\n".join(lines)
+        reach, payload = f"{row['reach_m']:.3g} m", f"{row['payload_kg']:.3g} kg"
+        lines.append((row["name"], row["joints"], reach, payload, row["source"]))
+        lines += [("", "", "", "", note) for note in _grade(row)]
+    numbers = [Column(name, right=True) for name in ("joints", "reach", "payload")]
+    return Table([Column("name"), *numbers, Column("source; grade")], lines).text()
 
 
 def table_markdown(rows: Sequence[dict[str, Any]]) -> str:
     """Return the table of :func:`arm_table` for the documentation."""
+    columns = (
+        *("arm", "joints", "reach", "payload"),
+        *("servo stiffness, base to flange", "source", "grade"),
+    )
     lines = [
-        "| arm | joints | reach | payload | servo stiffness, base to flange | source | grade |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for row in rows:
-        if "missing" in row:
-            continue
-        stiffness = " ".join(f"{1e-3 * k:.3g}" for k in row["stiffness_n_m_per_rad"])
-        grade = "; ".join([row["grade"], *(f"assumed: {text}" for text in row["assumed"])])
-        lines.append(
-            f"| `{row['name']}` | {row['joints']} | {row['reach_m']:g} m "
-            f"| {row['payload_kg']:g} kg | {stiffness} kN m/rad | {row['source']} | {grade} |"
+        (
+            *(Code(row["name"]), row["joints"]),
+            *(f"{row['reach_m']:g} m", f"{row['payload_kg']:g} kg"),
+            f"{' '.join(f'{1e-3 * k:.3g}' for k in row['stiffness_n_m_per_rad'])} kN m/rad",
+            *(row["source"], "; ".join(_grade(row))),
         )
-    return "\n".join(lines)
+        for row in rows
+        if "missing" not in row
+    ]
+    return Table([Column(name) for name in columns], lines).markdown()
+
+
+def _grade(row: dict[str, Any]) -> list[str]:
+    return [row["grade"], *(f"assumed: {text}" for text in row["assumed"])]
 
 
 def verdict_text(row: dict[str, Any]) -> str:

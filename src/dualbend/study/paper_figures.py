@@ -12,13 +12,13 @@ import matplotlib as mpl
 
 mpl.use("Agg")
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dualbend.errors import InputError
-from dualbend.report.bending import knots_of
-from dualbend.report.data import Line, nominal_lines
+from dualbend.report.figures import ANGLE, draw
+from dualbend.report.moment import knots_of, moment_curves, moment_plot
 from dualbend.report.page import PAPER_FIGURES, write_report
+from dualbend.report.plot import Axis, Plot
 from dualbend.run import output
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
@@ -28,12 +28,7 @@ from dualbend.scenario.load import load_scenario
 PROCESSES = 2
 FORMATS = ("png", "svg")
 
-_LOOKS = {
-    "raw": ("0.75", 0.7, "solid"),
-    "filtered": ("tab:orange", 0.9, "solid"),
-    "true": ("tab:blue", 1.8, "solid"),
-    "oracle, nominal": ("tab:green", 1.2, "dashed"),
-}
+MOMENT = Axis("moment at the gripper", "mN m")
 
 
 def make_figures(
@@ -106,34 +101,31 @@ def write_pictures(runs: Sequence[RunRecord], out: Path) -> None:
         A file cannot be written.
     """
     mpl.rcParams["svg.hashsalt"] = "dualbend"  # the same file from the same run
-    lines = [nominal_lines(run) for run in runs]
-    for run, of_run in zip(runs, lines, strict=True):
+    plots = [_plot(run) for run in runs]
+    for run, plot in zip(runs, plots, strict=True):
         figure = Figure(figsize=(5.6, 3.8), layout="constrained")
         axes = figure.add_subplot()
-        _draw(axes, run, of_run)
-        axes.set_ylabel("moment at the gripper [mN m]")
+        draw(axes, plot)
         axes.legend(frameon=False, fontsize="small")
         _save(figure, out / run.scenario.name)
     figure = Figure(figsize=(12.0, 4.0), layout="constrained")
     panels = figure.subplots(1, len(runs), sharex=True, sharey=True, squeeze=False)[0]
-    for axes, run, of_run in zip(panels, runs, lines, strict=True):
-        _draw(axes, run, of_run)
-    panels[0].set_ylabel("moment at the gripper [mN m]")
+    for axes, plot in zip(panels, plots, strict=True):
+        draw(axes, plot)
+        axes.label_outer()
     panels[0].legend(frameon=False, fontsize="small", loc="lower right")
     _save(figure, out / "figures")
 
 
-def _draw(axes: Axes, run: RunRecord, lines: Sequence[Line]) -> None:
-    for line in lines:
-        colour, width, style = _LOOKS[line.name]
-        axes.plot(line.x, line.y, color=colour, linewidth=width, linestyle=style, label=line.name)
-    for knot in knots_of(run):
-        axes.axvline(knot, color="0.88", linewidth=0.8, zorder=0)
-    axes.axhline(0.0, color="0.5", linewidth=0.8, zorder=0)
-    axes.set_xlabel("bending angle α, nominal [rad]")
-    paper = PAPER_FIGURES.get(run.scenario.name)
-    axes.set_title(f"{paper}: {run.scenario.name}" if paper else run.scenario.name, loc="left")
-    axes.margins(x=0.01)
+def _plot(run: RunRecord) -> Plot:
+    name = run.scenario.name
+    paper = PAPER_FIGURES.get(name)
+    return moment_plot(
+        moment_curves(run),
+        knots_of(run.scenario),
+        axes=(ANGLE, MOMENT),
+        title=f"{paper}: {name}" if paper else name,
+    )
 
 
 def _save(figure: Figure, stem: Path) -> None:

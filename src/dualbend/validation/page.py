@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from dualbend.table import Column, Table
 from dualbend.validation.row import Row
 
 _HEAD = """# Validation
@@ -28,21 +29,20 @@ def validation_page(rows: Sequence[Row], versions: Mapping[str, str]) -> str:
         count=len(rows),
         versions=", ".join(f"{name} {number}" for name, number in versions.items()),
     )
-    lines = [
-        "| | what | measured | reference | unit | error | allowed |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    return "\n".join([head, *lines, *(_line(row) for row in rows), ""])
-
-
-def _line(row: Row) -> str:
-    cells = (
-        "pass" if row.passed else "**FAIL**",
-        row.name.replace("|", "\\|"),
-        f"{row.measured:.4g}",
-        f"{row.reference:.4g}",
-        "" if row.unit == "1" else row.unit,
-        f"{row.error:.2g}",
-        f"{row.tolerance:.2g}",
+    columns = (
+        *(Column(""), Column("what"), Column("measured"), Column("reference"), Column("unit")),
+        *(Column("error", format=".2g"), Column("allowed", format=".2g")),
     )
-    return f"| {' | '.join(cells)} |"
+    return "\n".join([head, Table(columns, [_cells(row) for row in rows]).markdown(), ""])
+
+
+def _cells(row: Row) -> tuple[str | float, ...]:
+    return (
+        "pass" if row.passed else "**FAIL**",
+        row.name,
+        row.measured,
+        row.reference,
+        "" if row.unit == "1" else row.unit,
+        row.error,
+        row.tolerance,
+    )

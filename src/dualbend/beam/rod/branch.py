@@ -1,4 +1,4 @@
-"""Staying on the first buckling mode: starts, sub-stepping and the recognition of other modes."""
+"""Solution on the first buckling mode: starts, sub-steps and detection of other modes."""
 
 from dataclasses import replace
 

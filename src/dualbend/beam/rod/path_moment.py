@@ -1,4 +1,4 @@
-"""The worst moment at the grippers on a bending path, by the rod between them."""
+"""The largest moment on the grippers along a path, by the reference solution of the rod."""
 
 import itertools
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ from dualbend.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class WorstMoment:
-    """The largest |M| on a path [N m], and at which end slope [rad]; the same for each piece.
+    """The largest |M| on a path [N m] and its end slope [rad], in total and for each piece.
 
-    unsolved counts the sampled points at which the rod was not solved: they are left out.
+    unsolved counts the sampled points without a reference solution; they are ignored.
     """
 
     moment_nm: float
@@ -37,12 +37,12 @@ def worst_moment(
     stretch: bool = False,
     samples: int = 24,
 ) -> WorstMoment:
-    """Return the worst moment at the grippers where they follow a path exactly.
+    """Return the largest moment on grippers that follow a path exactly.
 
-    alpha_range [rad] is the part evaluated (all of it by default); weight adds the sheet's own,
-    stretch its axial compliance. Every piece is sampled, then the peak between the neighbours of
-    its worst sample is found to 1e-6 rad. Raises InputError for a range off the path, or a path
-    for a sheet of another length.
+    alpha_range [rad] is the part of the path (default: all of it); weight includes the weight of
+    the sheet, stretch its axial compliance. Every piece is sampled, then the peak between the
+    neighbours of its largest sample is found to 1e-6 rad. Raises InputError for a range
+    off the path, or a path for a sheet of another length.
     """
     if path.length_m != sheet.length_m:
         raise InputError(f"path is for length {path.length_m!r} m, sheet has {sheet.length_m!r} m")
@@ -70,7 +70,7 @@ def worst_moment(
 def _peak(
     path: BendingPath, sheet: Sheet, alphas: FloatArray, *, weight: bool, stretch: bool
 ) -> tuple[float, float, int]:
-    """Return the largest |M| between two end slopes, where it is, and how many points failed."""
+    """Return the largest |M| between two end slopes, its α, and the number of unsolved points."""
     q = sheet.weight_per_length_n_per_m if weight else 0.0
     axial = sheet.axial_stiffness_n if stretch else None
     EI, L = sheet.bending_stiffness_nm2, sheet.length_m

@@ -1,4 +1,4 @@
-"""The reference solution in the plane: the rod between grips, on the zero-moment path or off it.
+"""The reference solution in the plane: the rod with weight between any two grips.
 
 In the planar frame (x right, z up) θ is the slope below the horizontal, positive at the left end:
 
@@ -77,9 +77,9 @@ def solve_planar(
     """Return the rod that hangs between two grips (x [m], z [m], end slope α [rad]).
 
     EI [N m²], L [m], weight_per_length [N/m]; axial_stiffness_n is EA [N], None for a rod that
-    does not stretch. guess is an earlier state nearby. The answer is the first buckling mode with
-    the middle below; a point that is hard or impossible has converged False and a reason.
-    Raises InputError only for numbers that are no rod or no grip.
+    does not stretch. guess is a known state nearby. The solution is the first buckling mode with
+    the middle below the grips. If none is found, converged is False and reason says why.
+    Raises InputError only for numbers that cannot be a rod or a grip.
     """
     scale = _scale(EI, L, Grip(*left), Grip(*right))
     if finite("weight_per_length", weight_per_length) < 0.0:
@@ -128,9 +128,9 @@ def follow_planar(
     guess: RodState | None = None,
     axial_stiffness_n: float | None = None,
 ) -> tuple[RodState, ...]:
-    """Return the states along a sequence of (left grip, right grip), each from the one before.
+    """Return the states along a sequence of (left grip, right grip), each from the previous one.
 
-    A point that cannot be solved is marked (converged False) and skipped as a start of the next.
+    A point without a solution has converged False and is not used as the next start.
     """
     states: list[RodState] = []
     for left, right in grips:
@@ -141,7 +141,7 @@ def follow_planar(
 
 
 def _scale(EI: float, L: float, left: Grip, right: Grip) -> Scale:
-    """Check what the user gave."""
+    """Check the input and return the units of the dimensionless problem."""
     for side, grip in (("left", left), ("right", right)):
         for name, value in zip(Grip._fields, grip, strict=True):
             finite(f"{side} {name}", value)
@@ -151,13 +151,13 @@ def _scale(EI: float, L: float, left: Grip, right: Grip) -> Scale:
 
 
 def _is_flat(clamps: ritz.Clamps) -> bool:
-    """Say whether the clamps are those of the straight rod, but for rounding."""
+    """Return whether the clamps are those of the straight rod, except for rounding."""
     steepest = max(abs(clamps.slope_left), abs(clamps.slope_right), abs(clamps.climb))
     return steepest <= FLAT_ANGLE_RAD and abs(clamps.shortening) < 1e-14
 
 
 def _flat_limit(scale: Scale, problem: ritz.Problem) -> RodState:
-    """Return the flat rod as the limit of the zero-moment path: any P up to 4π² EI/L² would do."""
+    """Return the flat rod, the limit of the zero-moment path; any P up to 4π² EI/L² is possible."""
     unknowns = np.concatenate([np.zeros(problem.basis.modes), [math.pi**2, 0.0]])
     reason = "flat: P is indeterminate, the limit of the zero-moment path is given"
     return replace(dimensional_state(scale, problem, unknowns), converged=True, reason=reason)
@@ -176,7 +176,7 @@ def _refine(scale: Scale, problem: ritz.Problem, guess: RodState | None) -> RodS
 
 
 def _attempt(scale: Scale, problem: ritz.Problem, guess: RodState | None) -> RodState | None:
-    """Try from the guess, in steps from it, afresh, in steps from the elastica, from straight."""
+    """Try five starts: guess, steps from it, first guess, steps from the elastica, straight."""
     modes = problem.basis.modes
     starts: list[Callable[[], FloatArray | None]] = []
     if guess is not None and guess.unknowns.size:

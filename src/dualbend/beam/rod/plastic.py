@@ -1,11 +1,11 @@
-"""The symmetric rod that yields: what the strips of a yielding sheet are compared with.
+"""The symmetric rod that yields: the reference solution of a yielding sheet.
 
-The elastica with the section's moment in the place of EI κ, loaded for the first time and ever
-further, from both ends alike:
+The elastica with the moment of the section instead of EI κ, for monotonic first loading that is
+symmetric:
 
     M' = −P sin θ − q (L/2 − s) cos θ,  θ' = κ(M),  θ(0) = α,  θ(L/2) = 0,  ∫₀^{L/2} cos θ ds = x,
 
-with the unknowns P and M(0), by shooting. Where a section has unloaded in between, this is not it.
+with the unknowns P and M(0), by shooting. It is not valid where a section has unloaded in between.
 """
 
 from __future__ import annotations

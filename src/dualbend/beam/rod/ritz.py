@@ -3,7 +3,7 @@
 Everything here is without dimension: σ = s/L, p = P L²/EI, v = V L²/EI, q = weight L³/EI and the
 axial compliance κ = EI/(EA L²). The section force (of the right part on the left one) is
 (−p, v + qσ) in (x, z); along the rod it is N = −p cos θ − (v + qσ) sin θ, across T = ∂N/∂θ.
-The rod makes
+The rod solution makes
 
     Λ(θ, p, v) = ∫ ½ θ'² − N − ½ κ N² dσ + p (c − 1) + v h
 
@@ -93,7 +93,7 @@ def basis(modes: int) -> Basis:
 
 @dataclass(frozen=True, kw_only=True)
 class Clamps:
-    """What the grippers impose: θ(0), θ(1), the shortening 1 − Δx/L and the climb Δz/L."""
+    """Boundary conditions: θ(0), θ(1), the shortening 1 − Δx/L and the climb Δz/L of the grips."""
 
     slope_left: float
     slope_right: float
@@ -206,9 +206,9 @@ class Problem:
         return np.asarray(result - mixed.T @ np.linalg.solve(whole[np.ix_(inner, inner)], mixed))
 
     def unstable_directions(self, f: Fields) -> int:
-        """Return how many ways the rod can leave this equilibrium with its clamps held.
+        """Return the number of unstable directions of this equilibrium with its clamps held.
 
-        The tangent has one negative eigenvalue per constraint; each further one is such a way.
+        The tangent has one negative eigenvalue per constraint; each further one is unstable.
         """
         return int(np.sum(np.linalg.eigvalsh(self.tangent(f)) < 0.0)) - 2
 

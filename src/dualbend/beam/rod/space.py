@@ -1,4 +1,4 @@
-"""The reference solution in space: Kirchhoff's rod between two grips that lie in no one plane.
+"""The reference solution in space: Kirchhoff's rod between any two grips.
 
 With r(s) the centre line, R(s) = [t, d₂, d₃] the section's axes (t the tangent, d₂ across the
 sheet, d₃ its normal), n and m the force and moment that the part beyond s exerts on the part
@@ -8,8 +8,8 @@ before it, both in fixed axes:
     n' = q z,                m' = −r' × n
 
 Source: Love, Mathematical Theory of Elasticity, chapters XVIII and XIX. In the plane this is
-:mod:`dualbend.beam.rod.planar`. The sheet's exact moment–twist relation stiffens with the square of
-the twist (Wagner), which a rod does not know: it holds for small twist.
+:mod:`dualbend.beam.rod.planar`. The torsional stiffness of a real strip grows with the
+square of the twist (Wagner), which a rod neglects: it is valid for small twist.
 """
 
 import math
@@ -33,7 +33,7 @@ _DIFFERENCE = 1e-6
 
 
 class RodStiffness(NamedTuple):
-    """What a section resists: EA [N], GJ, EI and EI_z [N m²]; infinite where it does not give."""
+    """Stiffness of a section: EA [N], GJ, EI and EI_z [N m²]; infinite where it is rigid."""
 
     axial_n: float
     twist_nm2: float
@@ -44,7 +44,7 @@ class RodStiffness(NamedTuple):
     def of(cls, sheet: Sheet, *, in_plane: bool = True) -> "RodStiffness":
         """Return those of a sheet; EI_z = E t w³/12. Without ``in_plane`` EA and EI_z are infinite.
 
-        Without is what the strips are.
+        The strips of the simulation are the case without.
         """
         lateral = sheet.young_pa * sheet.thickness_m * sheet.width_m**3 / 12.0
         return cls(
@@ -78,7 +78,7 @@ class SpaceState:
 
     @property
     def converged(self) -> bool:
-        """The far end is where its grip is."""
+        """Whether the far end has reached its grip."""
         return self.miss <= TOLERANCE
 
 
@@ -93,8 +93,8 @@ def solve_space(
     """Return the rod between two grips, by shooting from the left one.
 
     ``guess`` (6,) is n [N] and m [N m] at the left end, from a state nearby: in the plane
-    (−P, 0, V) and (0, EI θ', 0). Where the grips leave a load undetermined, as a straight rod does
-    that gives in no direction, the answer is the one nearest to the guess.
+    (−P, 0, V) and (0, EI θ', 0). Where the grips do not determine a load, as for a straight rigid
+    rod, the solution nearest to the guess is returned.
 
     Raises
     ------
@@ -137,7 +137,7 @@ class _Problem(NamedTuple):
         return miss[0], (miss[1:7] - miss[7:]).T / (2.0 * _DIFFERENCE)
 
     def miss(self, r: FloatArray, axes: FloatArray) -> FloatArray:
-        """Return where the far ends are off their grip (k, 6), in lengths and radians."""
+        """Return the errors of the far ends against their grip (k, 6), in lengths and radians."""
         turn = axes.transpose(0, 2, 1) @ self.right.axes
         skew = 0.5 * np.stack(
             [

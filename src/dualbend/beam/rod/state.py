@@ -1,4 +1,4 @@
-"""What the rod solver answers: loads on both grippers, the shape, and how far to trust them."""
+"""A state of the rod: loads on both grippers, shape, and a measure of the residual."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ RESIDUAL_TOLERANCE = 1e-7
 
 
 class Grip(NamedTuple):
-    """Where a grip is in the planar frame, and its end slope α (positive: its end points down)."""
+    """A grip in the planar frame: place and end slope α (positive: the end points down)."""
 
     x_m: float
     z_m: float
@@ -22,7 +22,7 @@ class Grip(NamedTuple):
 
 
 class GripLoad(NamedTuple):
-    """What the sheet exerts on a gripper, at the gripper centre.
+    """Force and moment of the sheet on a gripper, about the gripper centre.
 
     The forces are along x and z of the planar frame. The moment is about the gripper's own bending
     axis: positive turns that gripper towards a larger end slope.
@@ -34,7 +34,7 @@ class GripLoad(NamedTuple):
 
 
 class SymmetricStiffness(NamedTuple):
-    """How P and M change where both grips move alike: by dx of the half distance, by dα.
+    """Derivatives of P and M for a symmetric motion of both grips: half distance dx, slope dα.
 
     On the zero-moment path dM/dα is about −π² EI/L and dP/dx about −16 π² EI/(α² L³).
     """
@@ -62,7 +62,7 @@ class RodState:
     weight's potential about the left end. residual is the largest of: Newton's residual, the gap
     between the end moments as reactions and as EI θ', and the imbalance of the moments about the
     left end, each relative to 1 + the dimensionless load. Where converged is False, reason says
-    why, and what was not found is NaN.
+    why, and unknown values are NaN.
     """
 
     left: GripLoad
@@ -92,10 +92,10 @@ class RodState:
         return self.left.moment_nm
 
     def symmetric_stiffness(self) -> SymmetricStiffness:
-        """Return the stiffness that the two grips see when they move alike.
+        """Return the stiffness against symmetric motion of the two grips.
 
         All NaN where the state was not found, and for the flat rod that cannot stretch: there
-        dP/dx diverges and the other three depend on the side one comes from.
+        dP/dx diverges and the other three have different limits from both sides.
         """
         unknown = SymmetricStiffness(*[math.nan] * 4)
         if not self.unknowns.size:
@@ -143,7 +143,7 @@ def energy(problem: ritz.Problem, unknowns: FloatArray) -> float:
 
 
 def dimensional_state(scale: Scale, problem: ritz.Problem, unknowns: FloatArray) -> RodState:
-    """Give a solution its units, and judge it."""
+    """Return a dimensionless solution in SI units, with its residual."""
     base, f, clamps = problem.basis, problem.fields(unknowns), problem.clamps
     p, v, L = float(unknowns[-2]), float(unknowns[-1]), scale.L
     first, last = problem.end_moments(f)
@@ -173,8 +173,8 @@ def dimensional_state(scale: Scale, problem: ritz.Problem, unknowns: FloatArray)
 
 
 def unsolved(scale: Scale, problem: ritz.Problem, reason: str) -> RodState:
-    """Return a state that says only that it was not found."""
-    nothing = np.full(ritz.OUTPUT_POINTS, np.nan)
+    """Return a state without values for a point that was not solved."""
+    unknown = np.full(ritz.OUTPUT_POINTS, np.nan)
     load = GripLoad(math.nan, math.nan, math.nan)
     return RodState(
         left=load,
@@ -182,10 +182,10 @@ def unsolved(scale: Scale, problem: ritz.Problem, reason: str) -> RodState:
         rise_m=math.nan,
         energy_j=math.nan,
         s_m=np.linspace(0.0, scale.L, ritz.OUTPUT_POINTS),
-        theta_rad=nothing,
-        x_m=nothing,
-        z_m=nothing,
-        curvature_per_m=nothing,
+        theta_rad=unknown,
+        x_m=unknown,
+        z_m=unknown,
+        curvature_per_m=unknown,
         residual=math.inf,
         converged=False,
         reason=reason,

@@ -1,7 +1,7 @@
-"""The sheet as the grips feel it: its wrench on them and the tangent stiffness of that wrench.
+"""The wrench of the sheet on the grips, and its tangent stiffness.
 
 The six coordinates are x, z [m], α [rad] of the left and then of the right grip, each in its own
-bending frame; a stiffness K says that the wrench on the arms changes by −K times their change.
+bending frame. With a stiffness K the wrench on the arms changes by −K times the motion.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def sheet_wrench(state: RodState) -> Vector:
 
 
 def solve_grips(sheet: Sheet, grips: Vector, guess: RodState | None = None) -> RodState:
-    """Return the sheet with its weight between grips (6,) in their bending frames."""
+    """Return the state of the sheet with weight between grips (6,) in their bending frames."""
     x, z, alpha, x_right, z_right, alpha_right = grips.tolist()
     return rod.solve_planar(
         sheet.bending_stiffness_nm2,

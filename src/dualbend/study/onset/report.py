@@ -10,6 +10,7 @@ import numpy as np
 from dualbend.errors import InputError
 from dualbend.study.onset.filters import FilterCase
 from dualbend.study.onset.results import Case, Confrontation
+from dualbend.table import Column, Table, shown
 
 _ANALYSES = ("sampled", "delayed", "paper")
 _NAMES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}
@@ -28,7 +29,9 @@ def describe_case(case: Case) -> str:
 
 def report(found: Confrontation) -> str:
     """Return the whole result as Markdown."""
-    return "\n".join([f"# {found.scenario}: prediction against simulation", "", *_table(found)])
+    head = f"# {found.scenario}: prediction against simulation"
+    lines = [f"* {line}" for line in summary(found).splitlines()]
+    return "\n".join([head, "", _table(found).markdown(), "", *lines, ""])
 
 
 def write_report(found: Confrontation, folder: Path) -> None:
@@ -79,38 +82,41 @@ def _spread(errors: Sequence[float]) -> str:
     )
 
 
-def _table(found: Confrontation) -> list[str]:
-    head = (
-        "| axis | rad | k/b [1/s] | b simulated | sampled | delayed | paper | without friction | "
-        "Hz simulated / sampled | growth at 0.9 b, 1.1 b [1/s]: simulated / sampled | remains |"
+def _table(found: Confrontation) -> Table:
+    headings = (
+        *("axis", "rad", "k/b [1/s]", "b simulated", "sampled", "delayed", "paper"),
+        *("without friction", "Hz simulated / sampled"),
+        *("growth at 0.9 b, 1.1 b [1/s]: simulated / sampled", "remains"),
     )
-    rows = [head, "|" + "---|" * head.count(" | ") + "---|"]
-    for case in found.cases:
-        smooth = f"{case.frictionless.b:.4g}" if case.frictionless else "-"
-        growth = ", ".join(
-            f"{'-' if rate.simulated_per_s is None else format(rate.simulated_per_s, '.2f')} / "
-            f"{rate.predicted_per_s:.2f}"
-            for rate in case.simulated.rates
-        )
-        scale, unit = (1e6, "µm") if case.axis == "x" else (1e3, "mrad")
-        rows.append(
-            f"| {case.axis} | {case.alpha_rad:g} | {case.ratio_per_s:g} | {case.simulated.b:.4g} | "
-            f"{case.sampled_b:.4g} ({100 * case.error('sampled'):+.1f} %) | "
-            f"{case.delayed_b:.3g} ({100 * case.error('delayed'):+.0f} %) | "
-            f"{case.paper_b:.2g} ({100 * case.error('paper'):+.0f} %) | {smooth} | "
-            f"{case.simulated.frequency_hz:.2f} / {case.same_gains_hz:.2f} | {growth} | "
-            f"{scale * case.simulated.remains:.2g} {unit} |"
-        )
-    return [*rows, "", *(f"* {line}" for line in summary(found).splitlines()), ""]
+    return Table([Column(name) for name in headings], [_cells(case) for case in found.cases])
+
+
+def _cells(case: Case) -> tuple[object, ...]:
+    growth = ", ".join(
+        f"{shown(rate.simulated_per_s, '.2f')} / {rate.predicted_per_s:.2f}"
+        for rate in case.simulated.rates
+    )
+    scale, unit = (1e6, "µm") if case.axis == "x" else (1e3, "mrad")
+    return (
+        *(case.axis, f"{case.alpha_rad:g}", f"{case.ratio_per_s:g}", case.simulated.b),
+        f"{case.sampled_b:.4g} ({100 * case.error('sampled'):+.1f} %)",
+        f"{case.delayed_b:.3g} ({100 * case.error('delayed'):+.0f} %)",
+        f"{case.paper_b:.2g} ({100 * case.error('paper'):+.0f} %)",
+        case.frictionless.b if case.frictionless else None,
+        f"{case.simulated.frequency_hz:.2f} / {case.same_gains_hz:.2f}",
+        growth,
+        f"{scale * case.simulated.remains:.2g} {unit}",
+    )
 
 
 def describe_filters(cases: Sequence[FilterCase]) -> str:
     """Return a table of filters: gain that is borne, and what is lost against no filter."""
-    lines = ["| filter | b predicted | b simulated | gain lost, predicted | simulated |"]
-    lines.append("|---|---|---|---|---|")
-    lines += [
-        f"| {case.name} | {case.predicted_b:.4g} | {case.simulated_b:.4g} | "
-        f"{100 * case.predicted_loss:.1f} % | {100 * case.simulated_loss:.1f} % |"
+    headings = ("filter", "b predicted", "b simulated", "gain lost, predicted", "simulated")
+    rows = [
+        (
+            *(case.name, case.predicted_b, case.simulated_b),
+            *(f"{100 * loss:.1f} %" for loss in (case.predicted_loss, case.simulated_loss)),
+        )
         for case in cases
     ]
-    return "\n".join(lines)
+    return Table([Column(name) for name in headings], rows).markdown()

@@ -17,6 +17,7 @@ from dualbend.evaluation.metrics import versions
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.robustness.run import SCENARIO
 from dualbend.study.robustness.trial import Trial, assembly_of
+from dualbend.table import Column, Table
 
 CONFIDENCE = 0.95
 NAMES = {True: "with", False: "without"}
@@ -140,20 +141,10 @@ def command(trial: Trial, folder: Path) -> str:
 
 def table(summary: dict[str, Any]) -> list[str]:
     """Return the summary as lines of text."""
-    level = f"{100 * summary['confidence']:g} % interval"
     lines = [
         f"{summary['scenario']}: {summary['draws']} draws, seed {summary['seed']}",
-        f"{'compliance':<12}{'success':>9}{'rate':>8}{level:>18}"
-        f"{'peak pin force: median':>25}{'95th':>7}{'max':>7} N",
+        _rates(summary).text(),
     ]
-    for name, case in summary["compliance"].items():
-        low, high = case["interval"]
-        force = case["peak_pin_force_n"]["all"]
-        shown = [_shown(force[key]) for key in ("median", "percentile_95", "max")]
-        lines.append(
-            f"{name:<12}{case['successes']:>5}/{case['n']:<3}{100 * case['rate']:>6.1f} %"
-            f"{100 * low:>9.1f} ..{100 * high:>5.1f}{shown[0]:>25}{shown[1]:>7}{shown[2]:>7}"
-        )
     for name, case in summary["compliance"].items():
         for row in case["failures"]:
             lines.append(f"failed {name}: {row['count']:>4}  {row['phase']}: {row['cause']}")
@@ -172,5 +163,19 @@ def table(summary: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _shown(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"
+def _rates(summary: dict[str, Any]) -> Table:
+    columns = (
+        *(Column("compliance"), Column("success", right=True), Column("rate", right=True)),
+        Column(f"{100 * summary['confidence']:g} % interval", right=True),
+        Column("peak pin force: median", "N", ".1f", right=True),
+        *(Column("95th", "N", ".1f", right=True), Column("max", "N", ".1f", right=True)),
+    )
+    rows = []
+    for name, case in summary["compliance"].items():
+        low, high = case["interval"]
+        force = case["peak_pin_force_n"]["all"]
+        rate = (f"{case['successes']}/{case['n']}", f"{100 * case['rate']:.1f} %")
+        interval = f"{100 * low:.1f} ..{100 * high:5.1f}"
+        forces = (force[key] for key in ("median", "percentile_95", "max"))
+        rows.append((name, *rate, interval, *forces))
+    return Table(columns, rows)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from dualbend.study.sweep.file import Sweep
 from dualbend.study.sweep.row import RunRow
 from dualbend.study.sweep.sensitivity import CONFIDENCE, Sensitivity, sensitivities
 from dualbend.study.sweep.table import make_table, numbers, shown_metrics, unit_of, write_table
+from dualbend.table import Column, Table
 
 SENSITIVITY = "sensitivity.png"
 _LISTED = 5
@@ -77,19 +78,19 @@ def _failed_lines(design: Design, rows: Sequence[RunRow]) -> list[str]:
 def _metric_lines(table: pa.Table, metrics: Sequence[str]) -> list[str]:
     if not metrics:
         return []
-    lines = [f"{'metric':<28}{'runs':>6}{'least':>12}{'median':>12}{'most':>12}  of runs"]
-    for name in metrics:
-        values = numbers(table, name)
-        if not np.isfinite(values).any():
-            lines.append(f"{name:<28}{0:>6}")
-            continue
-        low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
-        shown = "".join(f"{v:>12.4g}" for v in (values[low], np.nanmedian(values), values[high]))
-        lines.append(
-            f"{name:<28}{np.count_nonzero(np.isfinite(values)):>6}{shown}  {low}, {high}  "
-            f"[{unit_of(table, name)}]"
-        )
-    return lines
+    numeric = [Column(name, right=True, width=10) for name in ("min", "median", "max")]
+    columns = [Column("metric"), Column("runs", right=True), *numeric, Column("of runs")]
+    return [Table(columns, [_metric_row(table, name) for name in metrics]).text()]
+
+
+def _metric_row(table: pa.Table, name: str) -> tuple[object, ...]:
+    values = numbers(table, name)
+    if not np.isfinite(values).any():
+        return name, 0
+    low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
+    runs = str(np.count_nonzero(np.isfinite(values)))
+    where = f"{low}, {high}  [{unit_of(table, name)}]"
+    return name, runs, values[low], np.nanmedian(values), values[high], where
 
 
 def _sensitivity_lines(
@@ -97,23 +98,23 @@ def _sensitivity_lines(
 ) -> list[str]:
     if not found:
         return []
-    level = f"{100.0 * CONFIDENCE:g} %"
-    width = max(len(name) for name in design.names)
-    lines = [
-        f"Sobol's indices, {level} intervals",
-        f"{'metric':<28}{'key':<{width}}{'first':>8}{'':>17}{'total':>8}",
+    numeric = [
+        *(Column("first", format=".3f", right=True), Column("", right=True)),
+        *(Column("total", format=".3f", right=True), Column("", right=True)),
     ]
-    for one in found:
-        if one.why:
-            lines.append(f"{one.metric:<28}none: {one.why}")
-            continue
-        for i, name in enumerate(design.names):
-            (a, b), (c, d) = one.first_interval[:, i], one.total_interval[:, i]
-            lines.append(
-                f"{one.metric:<28}{name:<{width}}{one.first[i]:>8.3f} ({a:>6.2f},{b:>6.2f})"
-                f"{one.total[i]:>9.3f} ({c:>6.2f},{d:>6.2f})"
-            )
+    columns = [Column("metric"), Column("key"), *numeric]
+    rows = [row for one in found if not one.why for row in _index_rows(design, one)]
+    lines = [f"Sobol's indices, {100.0 * CONFIDENCE:g} % intervals"]
+    lines += [Table(columns, rows).text()] if rows else []
+    lines += [f"{one.metric}: none: {one.why}" for one in found if one.why]
     others = sum(counts.values()) - counts[_COMPLETED]
     if others:
         lines.append(f"{others} runs did not complete: theirs are the metrics of what they did")
     return lines
+
+
+def _index_rows(design: Design, one: Sensitivity) -> Iterator[tuple[object, ...]]:
+    for i, name in enumerate(design.names):
+        (a, b), (c, d) = one.first_interval[:, i], one.total_interval[:, i]
+        first = (one.first[i], f"({a:.2f},{b:6.2f})")
+        yield one.metric, name, *first, one.total[i], f"({c:.2f},{d:6.2f})"

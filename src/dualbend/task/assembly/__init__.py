@@ -11,5 +11,6 @@ ASSEMBLY = Task(
     metrics="dualbend.task.assembly.metrics:metrics",
     tables="dualbend.task.assembly.metrics:tables",
     peaks="dualbend.task.assembly.metrics:peaks",
+    report="dualbend.task.assembly.report:sections_of",
     recording="dualbend.task.assembly.recording:LAYERS",
 )

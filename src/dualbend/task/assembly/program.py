@@ -1,4 +1,4 @@
-"""The assembly of a printed wiring board's book, phase by phase, as a robot program would say it.
+"""The assembly of a stack of printed wiring boards, phase by phase.
 
 Pick the sheet up from the stand, carry it over the bed, bend it, lower its middle holes onto their
 pins, unfold it until the outer ones are on theirs, let go, withdraw. What ends a phase is sensed.
@@ -7,23 +7,40 @@ pins, unfold it until the outer ones are on theirs, let go, withdraw. What ends 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
+from functools import partial
 
 from dualbend.beam.path import BendingPath
 from dualbend.beam.rod.planar import solve_planar
 from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
 from dualbend.errors import InputError
-from dualbend.scenario.assembly import AssemblyConfig, SearchConfig
-from dualbend.task.assembly.motions import MEAN_CYCLES, Motions, Posture, Press, Steps
+from dualbend.scenario.assembly import AssemblyConfig
+from dualbend.task.assembly.execution import Execution
+from dualbend.task.assembly.motions import Pace, Posture
+from dualbend.task.assembly.search import search_pattern, side_to_side
+from dualbend.task.assembly.state import MEAN_CYCLES, State
+from dualbend.task.assembly.steps import (
+    CheckGrasp,
+    CheckWeight,
+    HolePair,
+    Measure,
+    Move,
+    MoveDown,
+    Phase,
+    Retry,
+    Step,
+    Wait,
+)
 
 _TIP_MARGIN_M = 1.5e-3
 """Above and below the tips of the pins, where motions are slow."""
 
 
-class AssemblyTask(Motions):
-    """The robots' program: a generator of goals that is sent what was sensed.
+class AssemblyProgram:
+    """Table of phases and steps by which two robots lay a stack of sheets.
+
+    It does not change: any number of executions may share it.
 
     Parameters
     ----------
@@ -37,6 +54,8 @@ class AssemblyTask(Motions):
         Bending angle at which the outer holes come to the tips of their pins.
     bend_speed_rad_per_s
         Highest speed of the bending angle while the sheet is bent in the air.
+    period_s
+        Command period.
     """
 
     def __init__(
@@ -47,48 +66,34 @@ class AssemblyTask(Motions):
         path: BendingPath,
         touch_rad: float,
         bend_speed_rad_per_s: float,
+        period_s: float,
     ) -> None:
+        self.config, self.sheet, self.bend_rad = config, sheet, float(path.knots[-1])
+        self.touch_rad, self.bend_speed_rad_per_s = touch_rad, bend_speed_rad_per_s
+        self._wait = partial(Wait, timeout_s=config.timeout_s, period_s=period_s)
+        self.period_s = period_s
         self.start = Posture(
             y=config.layout.stand.y_m,
             z=config.layout.stand.top_m + 0.5 * sheet.thickness_m,
             retreat=config.retreat_m,
             opening=config.jaw_opening_m,
         )
-        super().__init__(config, self.start, float(path.knots[-1]))
-        self.sheet, self.path = sheet, path
-        self.touch_rad, self.bend_speed_rad_per_s = touch_rad, bend_speed_rad_per_s
-        self.laid = 0
-        self.press_force_n = self._middle_force(config.press_m)
-        self.tip_force_n = self._middle_force(config.layout.pins.height_m)
+        self.press_force_n = middle_force(sheet, path, config.press_m)
+        self.tip_force_n = middle_force(sheet, path, config.layout.pins.height_m)
+        self.table = tuple(p for layer in range(config.sheets) for p in self._lay(layer))
 
-    @property
-    def _seat_z(self) -> float:
-        return self.config.layout.bed.top_m + (0.5 + self.laid) * self.sheet.thickness_m
-
-    def _middle_force(self, height_m: float) -> float:
-        """Return the force [N] that holds the bent sheet's middle this much above its place.
-
-        Twice the end force of half the sheet, its middle level between two rigid grips.
-        """
-        half, rise = self.path.at(self.bend_rad)
-        L, weight = self.sheet.length_m, self.sheet.mass_kg * GRAVITY_M_PER_S2
-        grip, middle = (-half, rise, self.bend_rad), (0.0, height_m, 0.0)
-        state = solve_planar(self.sheet.bending_stiffness_nm2, L / 2, grip, middle, weight / L)
-        if not state.converged:
-            raise InputError(
-                f"the force of the bent sheet held {1e3 * height_m:.2f} mm up was not found "
-                f"({state.reason}): what is felt could not be judged"
-            )
-        return -2.0 * state.right.force_z_n
+    def begin(self) -> Execution:
+        """Return an execution from the start."""
+        return Execution(self.table, self.start, self.bend_rad)
 
     def waypoints(self) -> list[tuple[str, Posture]]:
         """Return the postures between which the arms move, by the phase that ends there."""
         stand = replace(self.start, retreat=0.0, opening=0.0)
         up = replace(stand, z=stand.z + self.config.lift_m)
-        over = replace(up, y=0.0, z=self._seat_z + self.config.lift_m)
+        over = replace(up, y=0.0, z=self._seat_z(0) + self.config.lift_m)
         bent = replace(over, alpha=self.bend_rad)
-        down = replace(bent, z=self._seat_z - self.config.press_m)
-        flat = replace(down, alpha=0.0, z=self._seat_z)
+        down = replace(bent, z=self._seat_z(0) - self.config.press_m)
+        flat = replace(down, alpha=0.0, z=self._seat_z(0))
         away = replace(flat, retreat=self.config.retreat_m)
         return [
             ("approach", self.start),
@@ -101,179 +106,173 @@ class AssemblyTask(Motions):
             ("withdraw", away),
         ]
 
-    def steps(self) -> Steps:
-        """Lay one sheet after another."""
-        while True:
-            yield from self._pick_up()
-            yield from self._lower()
-            yield from self._unfold()
-            yield from self._leave()
-            self.laid += 1
-            if self.laid == self.config.sheets:
-                return
-            yield from self._return()
+    def _seat_z(self, layer: int) -> float:
+        return self.config.layout.bed.top_m + (0.5 + layer) * self.sheet.thickness_m
 
-    # -- phases -----------------------------------------------------------------------------
+    # -- the table --------------------------------------------------------------------------
 
-    def _pick_up(self) -> Steps:
+    def _lay(self, layer: int) -> Sequence[Phase]:
+        """Return the phases that lay a sheet on this many others."""
+        config, start, move, settle = self.config, self.start, self._move, self._settle
+        t, weight = self.sheet.thickness_m, self.sheet.mass_kg * GRAVITY_M_PER_S2
+        over = self._seat_z(layer) + config.lift_m
+        back = [move(z=over), move(x=0.0, y=start.y, yaw=0.0), move(z=start.z)] if layer else []
+        bend = move(angle_speed=self.bend_speed_rad_per_s, alpha=self.bend_rad)
+        middle, outer = self._middle_holes(layer), self._outer_holes()
+        touch, attempts = self._unfold_to_touch(layer), 1 + config.search.attempts
+        return [
+            Phase("approach", [*back, move(retreat=0.0), settle(), Measure("empty")]),
+            Phase("grasp", [move(opening=0.0), self._closed(0.1 * t), CheckGrasp(t)]),
+            Phase("lift", [move(z=start.z + config.lift_m), settle(), CheckWeight(weight)]),
+            Phase("carry", [move(y=0.0, z=over), settle()]),
+            Phase("bend", [bend, settle(), Measure("free")]),
+            Phase("lower", self._lower(layer, middle)),
+            Phase("seat middle", [settle(alpha_ratio=1.0)], Retry(middle, attempts)),
+            Phase("unfold", [touch]),
+            Phase("lower outer", self._lower_outer(layer, touch, outer)),
+            Phase("seat outer", [settle(alpha_ratio=0.0)], Retry(outer, attempts)),
+            Phase("release", [move(opening=start.opening), self._open(1.6 * start.opening)]),
+            Phase("withdraw", [move(retreat=start.retreat), settle()]),
+        ]
+
+    def _lower(self, layer: int, holes: HolePair) -> Sequence[Step]:
+        """Go above the tips, to a place of the search, down past the tips, and to the bed."""
+        config, pins, speeds = self.config, self.config.layout.pins, self.config.speeds
+        tips = self._seat_z(layer) + pins.height_m
+        past_tips = tips - pins.tip_m - _TIP_MARGIN_M
+        x, y = zip(*search_pattern(config.search), strict=True)
+        return [
+            self._move(z=tips + _TIP_MARGIN_M),
+            self._move(x=x, y=y),
+            self._down(holes, speed=speeds.contact_m_per_s, z=past_tips),
+            self._down(holes, speed=speeds.seat_m_per_s, top=past_tips, z=holes.target),
+        ]
+
+    def _unfold_to_touch(self, layer: int) -> Move:
+        """Go to a little before the touch, as on the middle pins; the press goes with the angle."""
+        margin_rad = math.pi * _TIP_MARGIN_M / self.sheet.length_m
+        alpha = min(self.touch_rad + margin_rad, self.bend_rad)
+        z = self._seat_z(layer) - self.config.press_m * alpha / self.bend_rad
+        return self._move(alpha_ratio=1.0, alpha=alpha, z=z)
+
+    def _lower_outer(self, layer: int, touch: Move, holes: HolePair) -> Sequence[Step]:
+        """Unfold; where it is not the first time, bend up to the touch and turn before."""
         config = self.config
-        self._enter("approach")
-        yield from self._move(retreat=0.0)
-        yield from self._settle()
-        empty = self._mean()
-        self._enter("grasp")
-        yield from self._move(opening=0.0)
-        t = self.sheet.thickness_m
-        yield from self._wait(
-            lambda: bool(np.ptp([s.gap for s in self._seen], axis=0).max() < 0.1 * t),
-            "the jaws have not come to rest",
+        along, speed = config.layout.holes.outer.along_m, config.speeds.contact_rad_per_s
+        turn = self._move(yaw=tuple(place / along for place in side_to_side(config.search)))
+        return [
+            *(replace(move, retry_only=True) for move in (touch, turn)),
+            self._down(holes, angle_speed=speed, alpha=holes.target, z=self._seat_z(layer)),
+        ]
+
+    def _middle_holes(self, layer: int) -> HolePair:
+        """Tell a tip from the press on the bent sheet, whose middle either holds up."""
+        press_n, tip_n = self.press_force_n, self.tip_force_n
+        return HolePair(
+            name="middle",
+            coordinate="z",
+            target=self._seat_z(layer) - self.config.press_m,
+            support=State.support,
+            touch_n=press_n + 0.1 * (tip_n - press_n),
+            missed_n=press_n + 0.3 * (tip_n - press_n),
+            softness=self.config.press_m / press_n,
         )
-        gap = self._mean().gap
-        for side, opening in zip(("left", "right"), gap, strict=True):
-            if opening < 0.5 * t:
-                raise self._stopped(
-                    f"nothing is between the {side} jaws: they closed to {1e3 * opening:.2f} mm, "
-                    f"the sheet has {1e3 * t:.2f} mm"
-                )
-        self._enter("lift")
-        yield from self._move(z=self.start.z + config.lift_m)
-        yield from self._settle()
-        weight = self.sheet.mass_kg * GRAVITY_M_PER_S2
-        carried = float(empty.net[2] - self._mean().net[2])
-        if not 0.5 * weight < carried < 1.5 * weight:
-            raise self._stopped(f"the arms carry {carried:.2f} N, the sheet weighs {weight:.2f} N")
-        self._enter("carry")
-        yield from self._move(y=0.0, z=self._seat_z + config.lift_m)
-        yield from self._settle()
-        self._enter("bend")
-        yield from self._move(alpha=self.bend_rad, angle_speed=self.bend_speed_rad_per_s)
-        yield from self._settle()
-        self._baseline = self._mean()
 
-    def _lower(self) -> Steps:
-        """Lower the middle; a hole that sits on its pin's tip is felt, and searched for."""
-        config = self.config
-        tips = self._seat_z + config.layout.pins.height_m + _TIP_MARGIN_M
-        missed = self.press_force_n + 0.3 * (self.tip_force_n - self.press_force_n)
-        for attempt, (dx, dy) in enumerate(search_pattern(config.search)):
-            self._enter("lower", attempt)
-            yield from self._move(z=tips)
-            yield from self._move(x=dx, y=dy)
-            yield from self._push_down()
-            self._enter("seat middle", attempt)
-            yield from self._settle(bend=1.0)
-            support = self._support(MEAN_CYCLES)
-            if support < missed and self._posture.z <= self._seat_z - config.press_m:
-                break
-        else:
-            above = self._posture.z - (self._seat_z - config.press_m)
-            raise self._stopped(
-                f"the middle holes did not find their pins in {config.search.attempts + 1} "
-                f"attempts: {_held_up('the sheet', support, missed, 1e3 * above, 'mm')}"
-            )
-
-    def _push_down(self) -> Steps:
-        """Lower to the bed, slowly past the tips of the pins."""
-        pins, speeds = self.config.layout.pins, self.config.speeds
-        press = Press(
-            touch_n=self.press_force_n + 0.1 * (self.tip_force_n - self.press_force_n),
-            softness=self.config.press_m / self.press_force_n,
-            support=self._support,
-        )
-        below_tips = self._seat_z + pins.height_m - pins.tip_m - _TIP_MARGIN_M
-        bottom = self._seat_z - self.config.press_m
-        yield from self._guarded("z", below_tips, press, speed=speeds.contact_m_per_s)
-        if self._posture.z <= below_tips:
-            yield from self._guarded("z", bottom, press, speed=speeds.seat_m_per_s)
-
-    def _unfold(self) -> Steps:
-        """Unfold with the middle on its pins, until the outer holes are on theirs."""
-        config, sheet = self.config, self.sheet
-        overhang = 0.5 * sheet.length_m - config.layout.holes.outer.along_m
+    def _outer_holes(self) -> HolePair:
+        """Tell a tip by the stiffness of the sheet between the outer hole and the grip."""
+        layout, sheet = self.config.layout, self.sheet
+        overhang = 0.5 * sheet.length_m - layout.holes.outer.along_m
         stiffness = 3.0 * sheet.bending_stiffness_nm2 / overhang**3
-        missed = 0.5 * stiffness * config.layout.pins.height_m
-        # A grip rises by L/π for each radian.
-        press = Press(
+        missed = 0.5 * stiffness * layout.pins.height_m
+        return HolePair(
+            name="outer",
+            coordinate="alpha",
+            target=0.0,
+            support=State.end_support,
             touch_n=0.4 * missed,
+            missed_n=missed,
+            # A grip rises by L/π for each radian.
             softness=math.pi / (stiffness * sheet.length_m),
-            support=self._end_support,
-        )
-        speeds = config.speeds
-        # A little before the touch, as on the middle pins.
-        touch = min(self.touch_rad + math.pi * _TIP_MARGIN_M / sheet.length_m, self.bend_rad)
-        self._enter("unfold")
-        yield from self._unfold_to(touch, speeds.unfold_rad_per_s)
-        yaw = self._posture.yaw
-        along = config.layout.holes.outer.along_m
-        for attempt, aside in enumerate(side_to_side(config.search)):
-            self._enter("lower outer", attempt)
-            if attempt:
-                yield from self._unfold_to(touch, speeds.unfold_rad_per_s)
-                yield from self._move(yaw=yaw + aside / along)
-            yield from self._unfold_to(0.0, speeds.contact_rad_per_s, press)
-            self._enter("seat outer", attempt)
-            yield from self._settle(bend=0.0)
-            support = self._end_support(MEAN_CYCLES)
-            if self._posture.alpha == 0.0 and support < missed:
-                return
-        raise self._stopped(
-            f"the outer holes did not find their pins in {config.search.attempts + 1} attempts: "
-            f"{_held_up('an end', support, missed, self._posture.alpha, 'rad')}"
         )
 
-    def _unfold_to(self, alpha: float, speed: float, press: Press | None = None) -> Steps:
-        """Change the bending angle with the middle on the bed; the press goes with the angle."""
-        z = self._seat_z - self.config.press_m * alpha / self.bend_rad
-        if press is None:
-            yield from self._move(alpha=alpha, z=z, angle_speed=speed, bend=1.0)
-        else:
-            yield from self._guarded("alpha", alpha, press, angle_speed=speed, z=z)
+    # -- its steps --------------------------------------------------------------------------
 
-    def _leave(self) -> Steps:
-        config = self.config
-        self._enter("release")
-        yield from self._move(opening=config.jaw_opening_m)
-        wide = 0.8 * 2.0 * config.jaw_opening_m
-        yield from self._wait(
-            lambda: bool(self._seen[-1].gap.min() > wide), "the jaws have not opened"
+    def _move(
+        self,
+        *,
+        speed: float | None = None,
+        angle_speed: float | None = None,
+        alpha_ratio: float | None = None,
+        **to: float | tuple[float, ...],
+    ) -> Move:
+        speeds = self.config.speeds
+        pace = Pace(
+            linear_m_per_s=speed or speeds.travel_m_per_s,
+            angular_rad_per_s=angle_speed or speeds.unfold_rad_per_s,
+            jaw_m_per_s=speeds.jaw_m_per_s,
+            period_s=self.period_s,
         )
-        self._enter("withdraw")
-        yield from self._move(retreat=config.retreat_m)
-        yield from self._settle()
+        return Move(to=to, pace=pace, alpha_ratio=alpha_ratio)
 
-    def _return(self) -> Steps:
-        config = self.config
-        self._enter("approach")
-        yield from self._move(z=self._seat_z + config.lift_m)
-        yield from self._move(x=0.0, y=config.layout.stand.y_m, yaw=0.0)
-        yield from self._move(z=self.start.z)
+    def _down(
+        self,
+        holes: HolePair,
+        *,
+        speed: float | None = None,
+        angle_speed: float | None = None,
+        top: float = math.inf,
+        **to: float,
+    ) -> Move:
+        """Return a motion that heeds the tips of pins; arms that do not comply just go."""
+        move = self._move(speed=speed, angle_speed=angle_speed, **to)
+        if self.config.compliance is None:
+            return move
+        return MoveDown(
+            to=move.to,
+            pace=move.pace,
+            alpha_ratio=1.0,
+            holes=holes,
+            bottom=to[holes.coordinate],
+            top=top,
+            timeout_s=self.config.timeout_s,
+        )
+
+    def _settle(self, alpha_ratio: float | None = None) -> Wait:
+        """Stay until the grips are where they were sent and the noise has been averaged out."""
+        return self._wait(
+            quantity=State.grip_error,
+            below=1e-3,
+            otherwise="the grips are not where they were sent",
+            rest_cycles=MEAN_CYCLES,
+            alpha_ratio=alpha_ratio,
+        )
+
+    def _closed(self, below: float) -> Wait:
+        what = "the jaws have not come to rest"
+        return self._wait(quantity=State.jaw_travel, below=below, otherwise=what)
+
+    def _open(self, above: float) -> Wait:
+        return self._wait(quantity=State.jaw_gap, above=above, otherwise="the jaws have not opened")
 
 
-def _held_up(what: str, support: float, missed: float, left: float, unit: str) -> str:
-    """Say what keeps a hole from its pin: too large a force, or a small one all the time."""
-    force = f"{what} is held up with {support:.2f} N"
-    if support >= missed:
-        return f"{force}, above {missed:.2f} N"
-    return f"{force}, {left:.3g} {unit} short of its place"
+def middle_force(sheet: Sheet, path: BendingPath, height_m: float) -> float:
+    """Return the force [N] that holds the bent sheet's middle this much above its place.
 
+    Twice the end force of half the sheet, its middle level between two rigid grips.
 
-def side_to_side(search: SearchConfig) -> list[float]:
-    """Return how far the outer holes are turned aside [m]: the middle is on its pins already.
-
-    A quarter of the step: what the middle holes' clearance leaves is less than that of a free
-    sheet.
+    Raises
+    ------
+    InputError
+        No equilibrium of the sheet was found.
     """
-    places = [0.0]
-    for n in range(search.attempts):
-        places.append((1 + n // 2) * (0.25 if n % 2 == 0 else -0.25) * search.step_m)
-    return places
-
-
-def search_pattern(search: SearchConfig) -> list[tuple[float, float]]:
-    """Return where to try: in place, then along and across on both sides, then the corners."""
-    square = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)]
-    places = [(0.0, 0.0)]
-    for n in range(search.attempts):
-        ring, (along, across) = 1 + n // len(square), square[n % len(square)]
-        places.append((ring * along * search.step_m, ring * across * search.step_m))
-    return places
+    bend_rad = float(path.knots[-1])
+    half, rise = path.at(bend_rad)
+    L, weight = sheet.length_m, sheet.mass_kg * GRAVITY_M_PER_S2
+    grip, middle = (-half, rise, bend_rad), (0.0, height_m, 0.0)
+    state = solve_planar(sheet.bending_stiffness_nm2, L / 2, grip, middle, weight / L)
+    if not state.converged:
+        raise InputError(
+            f"the force of the bent sheet held {1e3 * height_m:.2f} mm up was not found "
+            f"({state.reason}): what is felt could not be judged"
+        )
+    return -2.0 * state.right.force_z_n

@@ -35,7 +35,7 @@ from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
-from dualbend.task.assembly.program import AssemblyTask
+from dualbend.task.assembly.program import AssemblyProgram
 from dualbend.task.assembly.stiffness import object_stiffness
 from dualbend.task.assembly.workplace import check_workplace
 from dualbend.types import SIDES, Side, Vector
@@ -114,18 +114,25 @@ class AssemblyRun(Run):
         assert scenario.assembly is not None
         self.config, sheet = scenario.assembly, scenario.sheet.sheet()
         self._path = make_path(scenario.path, sheet.length_m)
-        self._believed = sheet
         limit = scenario.limit_strain
         assert limit is not None  # an assembly has one
-        task = self._make_task()
-        scenario = self.scenario = with_placements(scenario, self._targets(task))
+        self.program = AssemblyProgram(
+            config=self.config,
+            sheet=sheet,
+            path=self._path,
+            touch_rad=self.plan.unfolding.reach_rad,
+            bend_speed_rad_per_s=scenario.motion.speed_rad_per_s,
+            period_s=COMMAND_PERIOD_S,
+        )
+        start = self.program.start
+        scenario = self.scenario = with_placements(scenario, self._targets())
         try:
-            cell = RobotCell(scenario, self._pose(task.start), _place(task.start))
+            cell = RobotCell(scenario, self._pose(start), _place(start))
         except InputError as error:
             raise self._out_of_reach("approach", error) from error
         super().__init__(scenario, cell)
         self._limit_strain = limit * sheet.young_pa / cell.sheet.young_pa
-        self._check_path(task)
+        self._check_path()
         simulation, layout = cell.simulation, self.config.true_layout()
         self.grippers = Grippers(simulation.model, simulation.data, cell.sheet.thickness_m)
         self.pins = PinContacts(
@@ -136,26 +143,16 @@ class AssemblyRun(Run):
             self.stiffness = self._stiffness(cell)
             self._mobility = self._rate(self.config.compliance) / self.stiffness
 
-    def _make_task(self) -> AssemblyTask:
-        """Return the robots' program, anew: it has a memory."""
-        return AssemblyTask(
-            config=self.config,
-            sheet=self._believed,
-            path=self._path,
-            touch_rad=self.plan.unfolding.reach_rad,
-            bend_speed_rad_per_s=self.scenario.motion.speed_rad_per_s,
-        )
-
     def _pose(self, posture: Posture) -> Vector:
         half, rise = self._path.at(posture.alpha)
         return np.array([-half - posture.retreat, rise, posture.alpha])
 
-    def _targets(self, task: AssemblyTask) -> dict[Side, Vector]:
+    def _targets(self) -> dict[Side, Vector]:
         """Return both grips' poses (k, 4, 4) along the task, each in its arm's bending frame."""
-        postures = [posture for _, posture in task.waypoints()]
+        postures = [posture for _, posture in self.program.waypoints()]
         targets = [
             carried_targets(np.array([self._pose(posture)] * 2), _place(posture))
-            for posture in (task.start, *postures)
+            for posture in (self.program.start, *postures)
         ]
         turn = np.diag([-1.0, -1.0, 1.0, 1.0])
         return {
@@ -163,10 +160,10 @@ class AssemblyRun(Run):
             "right": np.array([turn @ right.as_matrix() for _, right in targets]),
         }
 
-    def _check_path(self, task: AssemblyTask) -> None:
+    def _check_path(self) -> None:
         """Refuse postures that the arms cannot reach."""
         q, visited = self.cell.home, []
-        for phase, posture in task.waypoints():
+        for phase, posture in self.program.waypoints():
             try:
                 q = self.cell.reach(self._pose(posture), q, _place(posture))
             except InputError as error:
@@ -257,21 +254,19 @@ class AssemblyRun(Run):
             None if compliance is None else ObjectAdmittance(compliance, BENDS, self._mobility)
         )
         self._delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
-        self._task = self._make_task()
-        self._steps = self._task.steps()
-        self._goal: Goal | None = next(self._steps)
+        self._task = self.program.begin()
         super().begin(on_cycle)
 
     def step(self) -> bool:
         """Run one command cycle of the program; False at its end."""
-        task, goal = self._task, self._goal
+        laid, goal = self._task.state.laid, self._task.goal
         if goal is None:
             return False
         if self.trace.rows == self.cycles:
             raise TaskStopped(
                 f"{PHASES[goal.phase]}: not done within {self.config.sheets * LONGEST_S:g} s"
             )
-        if task.laid > len(self.laid):
+        if laid > len(self.laid):
             self.laid.append(self.pins.offsets())
             self._supply()
         x, rise, alpha = self._pose(goal.posture).tolist()
@@ -281,7 +276,7 @@ class AssemblyRun(Run):
         readings = self.controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
         net = net_wrench(readings, -x, alpha, float(place[3]))
         deviation = self._comply(goal, net)
-        self._note(goal, task.laid, deviation, net)
+        self._note(goal, laid, deviation, net)
         moved = place + self._delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
         command = self.controller.command(readings, x, rise, alpha)
         self.grippers.drive(goal.posture.opening)
@@ -295,10 +290,7 @@ class AssemblyRun(Run):
             gap=self.grippers.gap_m,
             error_m=error,
         )
-        try:
-            self._goal = self._steps.send(sensed)
-        except StopIteration:
-            self._goal = None
+        if self._task.advance(sensed) is None:
             self.laid.append(self.pins.offsets())
         return True
 
@@ -307,8 +299,9 @@ class AssemblyRun(Run):
         admittance = self._admittance
         if admittance is None:
             return np.zeros(3)
-        if goal.bend is not None:
-            admittance.update(self._task.contact_wrench(net), goal.bend, goal.seeking)
+        if goal.alpha_ratio is not None:
+            wrench = self._task.state.contact_wrench(net)
+            admittance.update(wrench, goal.alpha_ratio, goal.seeking)
         elif goal.phase < PHASES.index("lower"):
             admittance.relax(self.config.speeds.travel_m_per_s)
         return admittance.deviation

@@ -10,4 +10,5 @@ BENDING = Task(
     run="dualbend.task.bending.run:BendingRun",
     metrics="dualbend.task.bending.metrics:metrics",
     peaks="dualbend.task.bending.metrics:peaks",
+    report="dualbend.task.bending.report:sections_of",
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import mujoco
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from dualbend.arm import mjcf as arm
 from dualbend.arm.model import ArmModel
 from dualbend.arm.pair import paper_pair
+from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,
@@ -21,6 +22,7 @@ from dualbend.scene.cell import robots_only
 from dualbend.scene.simulation import tool_mass_and_centre
 from dualbend.types import Vector
 from dualbend.validation import dh
+from dualbend.validation.lagrange import SerialArm
 from dualbend.validation.row import Row, absolute
 
 _SEED = 20
@@ -35,34 +37,42 @@ _HOLD_STEP_S, _HOLD_S, _HOLD_DAMPING_S = 1e-3, 2.0, 0.02
 
 def random_configurations(count: int) -> Vector:
     """Return seeded joint angles within the published ranges (count, 6) [rad]."""
-    ranges = np.array([link.range_rad for link in dh.PUMA560])
+    ranges = np.array([row.range_rad for row in dh.PUMA560])
     return np.random.default_rng(_SEED).uniform(ranges[:, 0], ranges[:, 1], (count, len(ranges)))
 
 
 def table_rows(configurations: int = 30) -> Iterator[Row]:
-    """Compare flange pose, gravity torques and mass matrix with the table, multiplied out.
+    """Compare flange pose, gravity torques and mass matrix with the table's equations."""
+    model, armature = arm.load_puma().compile(), [row.armature_kg_m2 for row in dh.PUMA560]
+    angles = random_configurations(configurations)
+    for what, worst in worst_differences(model, dh.puma(), armature, angles):
+        yield absolute(f"arm {what}, rel. difference from the DH table", worst, 0.0, "1", 1e-6)
 
-    Each row gives the worst relative difference over seeded configurations: the largest |entry| of
-    the difference over the largest |entry| of the table's matrix.
+
+def worst_differences(
+    model: mujoco.MjModel, reference: SerialArm, armature_kg_m2: Sequence[float], angles: Vector
+) -> Iterator[tuple[str, float]]:
+    """Yield three quantities by name and how far model and equations are apart over angles (k, n).
+
+    The worst relative difference: its largest |entry| over the largest |entry| of the equations'.
     """
-    model = arm.load_puma().compile()
     data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
     worst = np.zeros(3)
-    for q in random_configurations(configurations):
+    for q in angles:
         data.qpos[:] = q
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, inertia)
         flange = data.site(arm.FLANGE_SITE)
-        pose = np.column_stack([flange.xmat.reshape(3, 3), flange.xpos])
-        pairs = (
-            (pose, dh.flange_pose(q)[:3]),
-            (data.qfrc_bias, dh.gravity_torque(q)),
-            (inertia, dh.mass_matrix(q, armature=True)),
+        pairs: tuple[tuple[Vector, Vector], ...] = (
+            (
+                np.column_stack([flange.xmat.reshape(3, 3), flange.xpos]),
+                reference.flange_pose(q)[:3],
+            ),
+            (data.qfrc_bias, reference.gravity_torque(q)),
+            (inertia, reference.mass_matrix(q) + np.diag(armature_kg_m2)),
         )
-        found = [np.abs(a - b).max() / np.abs(b).max() for a, b in pairs]
-        worst = np.maximum(worst, found)
-    for name, value in zip(("flange pose", "gravity torque", "mass matrix"), worst, strict=True):
-        yield absolute(f"arm {name}, rel. difference from the DH table", value, 0.0, "1", 1e-6)
+        worst = np.maximum(worst, [np.abs(a - b).max() / np.abs(b).max() for a, b in pairs])
+    return zip(("flange pose", "gravity torque", "mass matrix"), worst.tolist(), strict=True)
 
 
 def wrench_chain(model: mujoco.MjModel, sensor: ForceTorqueConfig) -> WrenchChain:
@@ -104,7 +114,7 @@ def held_weight_errors(sensor: ForceTorqueConfig, poses: int = 10) -> tuple[floa
         rotation = data.site(f"{_SIDE}_{arm.FT_SITE}").xmat.reshape(3, 3)
         sample = chain.update(force, torque, rotation)
         upward = data.site(f"{_SIDE}_{arm.GRIP_SITE}").xmat.reshape(3, 3)[2]
-        weight = -PAYLOAD_KG * dh.GRAVITY_M_PER_S2 * upward
+        weight = -PAYLOAD_KG * GRAVITY_M_PER_S2 * upward
         difference = (
             sample.force_grip_n - weight,
             sample.torque_grip_nm - np.cross(centre, weight),

@@ -1,27 +1,23 @@
-"""One kind of arm measured: model against recursion, servos, and the paper's experiment on it."""
+"""One kind of arm measured: model against equations, servos, and the paper's experiment on it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 
-import mujoco
 import numpy as np
 
 from dualbend.arm.catalog import ArmName, arm_name
-from dualbend.arm.joint_limits import arm_room
-from dualbend.arm.mjcf import FLANGE_SITE
+from dualbend.arm.joint_limits import joint_limit_margins
 from dualbend.arm.model import PUMA, arm_model
-from dualbend.arm.placement import LEAST_MARGIN_RAD
-from dualbend.arm.urdf_model import urdf_chain
+from dualbend.arm.placement import MIN_MARGIN_RAD
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
-from dualbend.types import Vector
-from dualbend.validation import urdf_dynamics as dynamics
 from dualbend.validation.cases import arm as validation_arm
 from dualbend.validation.cases import cell as validation_cell
 from dualbend.validation.cases.runs import IK_LIMIT, ik_residuals, moment_error
 from dualbend.validation.row import Row, absolute, at_least
+from dualbend.validation.urdf import equations_of
 
 _SEED = 21
 _MODEL_LIMIT = 1e-9
@@ -48,44 +44,30 @@ def arm_rows(name: str) -> Iterator[Row]:
     settings = (f'arm.model="{arm}"',)
     # What refuses the arm comes first.
     ready = {name: BendingRun(load_scenario(name, settings)) for name in EXPERIMENTS}
-    yield from validation_arm.table_rows() if arm == PUMA else recursion_rows(arm)
+    yield from validation_arm.table_rows() if arm == PUMA else model_rows(arm)
     yield from validation_cell.response_rows(settings)
     yield from validation_cell.stiffness_rows(settings)
     for experiment, run in ready.items():
         yield from experiment_rows(experiment, run)
 
 
-def recursion_rows(name: ArmName, configurations: int = 20) -> Iterator[Row]:
-    """Compare flange pose, gravity torques and mass matrix with the recursion over the URDF.
-
-    Each row gives the worst relative difference over seeded configurations: the largest |entry| of
-    the difference over the largest |entry| of the recursion's matrix.
-    """
-    arm, chain = arm_model(name), urdf_chain(name)
-    model = arm.spec(looks=False).compile()
-    data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+def model_rows(name: ArmName, configurations: int = 20) -> Iterator[Row]:
+    """Compare flange pose, gravity torques and mass matrix with the equations of the URDF."""
+    arm = arm_model(name)
+    assert arm.urdf is not None
     low, high = np.array(arm.range_rad).T
-    worst = np.zeros(3)
-    for q in np.random.default_rng(_SEED).uniform(low, high, (configurations, arm.count)):
-        data.qpos[:] = q
-        mujoco.mj_forward(model, data)
-        mujoco.mj_fullM(model, data, inertia)
-        flange = data.site(FLANGE_SITE)
-        pose = np.column_stack([flange.xmat.reshape(3, 3), flange.xpos])
-        pairs: tuple[tuple[Vector, Vector], ...] = (
-            (pose, dynamics.flange_pose(chain, q)[:3]),
-            (data.qfrc_bias, dynamics.gravity_torque(chain, q)),
-            (inertia, dynamics.mass_matrix(chain, q) + np.diag(arm.armature_kg_m2)),
-        )
-        found = [np.abs(a - b).max() / np.abs(b).max() for a, b in pairs]
-        worst = np.maximum(worst, found)
-    for what, value in zip(("flange pose", "gravity torque", "mass matrix"), worst, strict=True):
-        text = f"{name} {what}, rel. difference from the recursion"
-        yield absolute(text, float(value), 0.0, "1", _MODEL_LIMIT)
+    angles = np.random.default_rng(_SEED).uniform(low, high, (configurations, arm.count))
+    model = arm.spec(looks=False).compile()
+    pairs = validation_arm.worst_differences(
+        model, equations_of(arm.urdf), arm.armature_kg_m2, angles
+    )
+    for what, worst in pairs:
+        text = f"{name} {what}, rel. difference from the URDF"
+        yield absolute(text, worst, 0.0, "1", _MODEL_LIMIT)
 
 
 def experiment_rows(name: str, ready: BendingRun) -> Iterator[Row]:
-    """Run an experiment of the paper and judge end, moment, residuals and the arms' room."""
+    """Run an experiment of the paper and check end, moment, residuals and the arms' margins."""
     result = ready.run()
     completed = float(result.outcome == "completed")
     yield absolute(f"{name} completes", completed, 1.0, "1", 0.0)
@@ -94,14 +76,14 @@ def experiment_rows(name: str, ready: BendingRun) -> Iterator[Row]:
     yield absolute(f"{name} IK residual, rotation", rotation, 0.0, "rad", IK_LIMIT)
     text = f"{name} moment error / first peak, at gripper poses"
     yield absolute(text, moment_error(result, "grip"), 0.0, "1", _MOMENT_LIMIT)
-    room = arm_room(ready.cell.arms, result.trace.setpoints)["left"]
-    least = float(np.degrees(LEAST_MARGIN_RAD))
-    text = f"{name} room to a limit, {room.joint}"
-    yield at_least(text, _number(room.room_deg), least, "deg")
+    margins = joint_limit_margins(ready.cell.arms, result.trace.setpoints)["left"]
+    least = float(np.degrees(MIN_MARGIN_RAD))
+    text = f"{name} joint-limit margin, {margins.joint}"
+    yield at_least(text, _number(margins.margin_deg), least, "deg")
     text = f"{name} manipulability over the arm's largest"
     found = ready.cell.arms.left.model.placement is None
     least = _LEAST_MANIPULABILITY if found else 0.0
-    yield at_least(text, _number(room.manipulability), least, "1")
+    yield at_least(text, _number(margins.manipulability), least, "1")
 
 
 def _number(value: float | None) -> float:

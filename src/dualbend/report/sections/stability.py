@@ -5,39 +5,43 @@ from __future__ import annotations
 import numpy as np
 
 from dualbend.errors import InputError
-from dualbend.report.bending import ANGLE
-from dualbend.report.html import Html, join
-from dualbend.report.parts import Pictures, Section, note, side_by_side
-from dualbend.report.plots import BLUE, ORANGE, Axis, Curve, Plot, stability_panel
+from dualbend.report.moment import ANGLE
+from dualbend.report.plot import Axis, Colour, Curve, Plot
+from dualbend.report.section import Block, Figure, Panels, Section
+from dualbend.report.stability_map import stability_panel
+from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.map import Panel, stability_map
 from dualbend.stability.prediction import Prediction, predict
 
-_TITLE = "Stability of the compliance"
+_ALONG: tuple[tuple[str, Axis, float, Colour, str], ...] = (
+    (
+        *("growth_per_s", Axis("growth rate", "1/s"), 0.0, "orange"),
+        "Above 0 an oscillation grows.",
+    ),
+    ("gain_margin", Axis("gain margin", "1"), 1.0, "blue", "Below 1 the loop is unstable."),
+)
 
 
-def stability_section(scenario: Scenario, pictures: Pictures) -> Section:
+def stability_section(run: RunRecord) -> Section:
     """Return the prediction of the sampled loop for a run's scenario; why, where there is none."""
+    return Section("Stability of the compliance", _predicted(run))
+
+
+def _predicted(run: RunRecord) -> list[Block]:
+    if run.controller:
+        return [
+            f"No prediction: the run's compliance was {run.controller}, brought along from "
+            "Python, in place of the scenario's; its gains were not used."
+        ]
     try:
-        prediction = predict(scenario)
+        prediction = predict(run.scenario)
     except InputError as error:
-        return Section(title=_TITLE, body=note(f"No prediction: {error}"))
-    verdict = note(f"Predicted {prediction.verdict}: {prediction.reason}.{_ranges(prediction)}")
+        return [f"No prediction: {error}"]
+    verdict = f"Predicted {prediction.verdict}: {prediction.reason}.{_ranges(prediction)}"
     if not prediction.rows:
-        return Section(title=_TITLE, body=verdict)
-    return Section(
-        title=_TITLE,
-        body=join([verdict, _along(prediction, pictures), _map(scenario, prediction, pictures)]),
-    )
-
-
-def own_compliance_section(controller: str) -> Section:
-    """Return why nothing is predicted for a run whose compliance was not the scenario's."""
-    words = (
-        f"No prediction: the run's compliance was {controller}, brought along from Python, in "
-        "place of the scenario's; its gains were not used."
-    )
-    return Section(title=_TITLE, body=note(words))
+        return [verdict]
+    return [verdict, _along(prediction), _map(run.scenario, prediction)]
 
 
 def _ranges(prediction: Prediction) -> str:
@@ -55,33 +59,29 @@ def _beyond(panel: Panel) -> str:
     return said
 
 
-def _along(prediction: Prediction, pictures: Pictures) -> Html:
+def _along(prediction: Prediction) -> Panels:
     """Return growth rate and gain margin over the bending angle."""
     alpha = np.array([row.alpha_rad for row in prediction.rows])
-    growth = np.array([row.growth_per_s for row in prediction.rows])
-    margin = np.array([row.gain_margin for row in prediction.rows])
     figures = []
-    for name, unit, values, level, colour, words in (
-        ("growth rate", "1/s", growth, 0.0, ORANGE, "Above 0 an oscillation grows."),
-        ("gain margin", "1", margin, 1.0, BLUE, "Below 1 the loop is unstable."),
-    ):
+    for key, axis, level, colour, words in _ALONG:
+        values = np.array([getattr(row, key) for row in prediction.rows])
         # An infinite margin has no point.
         shown = np.where(np.isfinite(values), values, np.nan)
-        axis = Axis(label=name, unit=unit, scale="linear")
         curve = Curve(name="sampled loop", x=alpha, y=shown, colour=colour, width=2.0)
         drawn = Plot(curves=[curve], x=ANGLE, y=axis, levels=[level], height_px=280)
-        alt = f"{name} over bending angle, {np.nanmin(shown):.3g} to {np.nanmax(shown):.3g} {unit}"
-        figures.append(pictures.add(drawn, f"{name.capitalize()} along the path. {words}", alt))
-    return side_by_side(*figures)
+        span = f"{np.nanmin(shown):.3g} to {np.nanmax(shown):.3g} {axis.unit}"
+        caption = f"{axis.label.capitalize()} along the path. {words}"
+        figures.append(Figure(drawn, caption, f"{axis.label} over bending angle, {span}"))
+    return Panels(figures)
 
 
-def _map(scenario: Scenario, prediction: Prediction, pictures: Pictures) -> Html:
+def _map(scenario: Scenario, prediction: Prediction) -> Panels | str:
     try:
         panels = stability_map(scenario, prediction)
     except InputError as error:
-        return note(f"No map: {str(error).removeprefix('--map: ')}.")
+        return f"No map: {str(error).removeprefix('--map: ')}."
     figures = [
-        pictures.add(
+        Figure(
             stability_panel(panel),
             f"Boundary of stability of {panel.axis} alone at some bending angles; star: this run's "
             "gains. Solid: the sampled loop, unstable where shaded; dashed: the paper's (23), "
@@ -91,4 +91,4 @@ def _map(scenario: Scenario, prediction: Prediction, pictures: Pictures) -> Html
         )
         for panel in panels
     ]
-    return side_by_side(*figures)
+    return Panels(figures)

@@ -1,0 +1,1 @@
+"""Sections that a report of any task can have."""

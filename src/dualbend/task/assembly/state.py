@@ -1,0 +1,127 @@
+"""The numbers that one execution of the assembly's program changes."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dualbend.run.outcome import TaskStopped
+from dualbend.task.assembly.motions import PHASES, Goal, Pace, Posture, Sensed, interpolate
+from dualbend.types import Vector
+
+MEAN_CYCLES = 18
+"""Half a second: over it the sensors' noise has a mean of some 0.02 N."""
+
+SUPPORT_CYCLES = 5
+"""Over which a force is averaged that ends a motion."""
+
+
+@dataclass(kw_only=True)
+class State:
+    """Where an execution stands in the table, and what it has sensed; copyable in every cycle.
+
+    ``row``: phase, counted through all sheets; ``step`` of it; ``attempt``. ``cycle``: cycles spent
+    in the step, of at most ``cycles``. ``begin``, ``end``: of the present motion. ``pressed``:
+    cycles in which a held up sheet was pressed on; ``seeking``: it is now. ``seen``: the last
+    measurements; ``empty``, ``free``: their means with empty jaws, and with the bent sheet in the
+    air.
+    """
+
+    posture: Posture
+    row: int = 0
+    step: int = 0
+    attempt: int = 0
+    cycle: int = 0
+    cycles: int = 0
+    begin: Posture
+    end: Posture
+    pressed: int = 0
+    seeking: bool = False
+    seen: deque[Sensed] = field(default_factory=lambda: deque(maxlen=MEAN_CYCLES))
+    empty: Sensed | None = None
+    free: Sensed | None = None
+
+    @property
+    def phase(self) -> int:
+        """Index into `PHASES`: each sheet goes through all of them."""
+        return self.row % len(PHASES)
+
+    @property
+    def laid(self) -> int:
+        """Number of sheets that have been laid."""
+        return self.row // len(PHASES)
+
+    def goal(self, alpha_ratio: float | None) -> Goal:
+        """Return the goal of the cycle."""
+        return Goal(
+            phase=self.phase,
+            posture=self.posture,
+            alpha_ratio=alpha_ratio,
+            seeking=self.seeking,
+            attempt=self.attempt,
+        )
+
+    def stopped(self, reason: str) -> TaskStopped:
+        """Return the exception that ends the task in this phase."""
+        return TaskStopped(f"{PHASES[self.phase]}: {reason}")
+
+    # -- motions ----------------------------------------------------------------------------
+
+    def set_out(self, end: Posture, pace: Pace) -> None:
+        """Begin a motion from the present posture."""
+        self.begin, self.end = self.posture, end
+        self.cycle, self.cycles = 0, pace.cycles(self.begin, end)
+
+    def go_on(self) -> bool:
+        """Take the motion's next cycle; False where it has arrived."""
+        if self.cycle == self.cycles:
+            return False
+        self.cycle += 1
+        self.posture = interpolate(self.begin, self.end, self.cycle / self.cycles)
+        return True
+
+    # -- what has been sensed -----------------------------------------------------------------
+
+    def mean(self, cycles: int = MEAN_CYCLES) -> Sensed:
+        """Return the mean of the last measurements, and the largest error of the grips."""
+        last = list(self.seen)[-cycles:]
+        return Sensed(
+            net=np.mean([s.net for s in last], axis=0),
+            vertical=np.mean([s.vertical for s in last], axis=0),
+            gap=np.mean([s.gap for s in last], axis=0),
+            error_m=max(s.error_m for s in last),
+        )
+
+    def support(self, cycles: int) -> float:
+        """Return the force that holds the sheet up besides the arms [N]."""
+        assert self.free is not None
+        return float(self.mean(cycles).net[2] - self.free.net[2])
+
+    def end_support(self, cycles: int) -> float:
+        """Return the larger one of the two arms' shares in the support [N]."""
+        assert self.free is not None
+        return float((self.mean(cycles).vertical - self.free.vertical).max())
+
+    def carried(self) -> float:
+        """Return the weight that has been added to the empty grippers [N]."""
+        assert self.empty is not None
+        return float(self.empty.net[2] - self.mean().net[2])
+
+    def grip_error(self) -> float:
+        """Return the distance of the grips from where they were sent [m]."""
+        return self.seen[-1].error_m
+
+    def jaw_travel(self) -> float:
+        """Return how much a gap between pads has changed of late [m]."""
+        return float(np.ptp([s.gap for s in self.seen], axis=0).max())
+
+    def jaw_gap(self) -> float:
+        """Return the smaller one of the gaps between the pads [m]."""
+        return float(self.seen[-1].gap.min())
+
+    def contact_wrench(self, net: Vector) -> Vector:
+        """Return force x, y and moment z that the sheet's contacts make, (3,) [N, N m]."""
+        free = np.zeros(4) if self.free is None else self.free.net
+        return np.asarray((net - free)[[0, 1, 3]])

@@ -1,0 +1,244 @@
+"""The kinds of steps that the assembly's program is made of.
+
+A step holds what is the same for every execution of the program; what changes is in the `State`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from dualbend.task.assembly.motions import Pace
+from dualbend.task.assembly.state import MEAN_CYCLES, SUPPORT_CYCLES, State
+
+_PRESS_RATE_PER_S = 2.0
+"""Rate at which the press on a sheet that is held up is corrected; the loop bears four times it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One line of the table.
+
+    ``alpha_ratio``: the compliance is that of a sheet bent as far as it is now, and at most this
+    far, over the bending angle at which it is laid; None: no compliance.
+    """
+
+    alpha_ratio: float | None = None
+
+    def enter(self, state: State) -> bool:
+        """Begin; False where no cycle is needed."""
+        raise NotImplementedError
+
+    def advance(self, state: State) -> bool:
+        """Choose the next cycle's posture; False where the step is over."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Move(Step):
+    """Move some components of the posture, each to a value or to one value for each attempt.
+
+    ``retry_only``: not in the first attempt.
+    """
+
+    to: Mapping[str, float | tuple[float, ...]]
+    pace: Pace
+    retry_only: bool = False
+
+    def enter(self, state: State) -> bool:
+        """Set out."""
+        if self.retry_only and state.attempt == 0:
+            return False
+        target = {
+            name: value[state.attempt] if isinstance(value, tuple) else value
+            for name, value in self.to.items()
+        }
+        state.set_out(replace(state.posture, **target), self.pace)
+        return True
+
+    def advance(self, state: State) -> bool:
+        """Go on until the motion's time is over."""
+        return state.go_on()
+
+
+@dataclass(frozen=True, kw_only=True)
+class HolePair:
+    """Two holes that go down on their pins together, and the force by which a pin's tip is felt.
+
+    ``coordinate`` of the posture falls to ``target``; ``support`` tells the force [N]. Above
+    ``touch_n`` it stops the motion, above ``missed_n`` the holes are not on their pins;
+    ``softness``: motion per force [m/N] or [rad/N].
+    """
+
+    name: Literal["middle", "outer"]
+    coordinate: Literal["z", "alpha"]
+    target: float
+    support: Callable[[State, int], float]
+    touch_n: float
+    missed_n: float
+    softness: float
+
+    def value(self, state: State) -> float:
+        """Return the present value of the coordinate."""
+        return float(getattr(state.posture, self.coordinate))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoveDown(Move):
+    """Move until something holds the sheet up; give it time to find its pins, and go on.
+
+    Meanwhile it is pressed lightly: the flank of a tip multiplies what presses on it. The step
+    ends with ``bottom`` not reached where the time for that is over; it is left out where the one
+    before has not come down to ``top``.
+    """
+
+    holes: HolePair
+    bottom: float
+    top: float = math.inf
+    timeout_s: float
+
+    def enter(self, state: State) -> bool:
+        """Set out, where the bottom is still below."""
+        state.pressed = 0
+        return self.bottom < self.holes.value(state) <= self.top and super().enter(state)
+
+    def advance(self, state: State) -> bool:
+        """Go on, press or end, by the force that holds the sheet up."""
+        support, touch = self.holes.support(state, SUPPORT_CYCLES), self.holes.touch_n
+        touched = state.seeking or (state.cycle > 0 and support > touch)
+        if not touched and state.go_on():
+            return True
+        state.seeking = False
+        if self.holes.value(state) <= self.bottom:
+            return False
+        if support <= 0.3 * touch:
+            return super().enter(state) and state.go_on()
+        if state.pressed * self.pace.period_s > self.timeout_s:
+            return False
+        self._press(state, support - 0.8 * touch)
+        return True
+
+    def _press(self, state: State, excess_n: float) -> None:
+        """Move up or down a little, to reduce the excess of force."""
+        holes = self.holes
+        back = _PRESS_RATE_PER_S * self.pace.period_s * holes.softness * excess_n
+        value = max(holes.value(state) + back, self.bottom)
+        state.posture = replace(state.posture, **{holes.coordinate: value})
+        state.pressed, state.seeking = state.pressed + 1, True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wait(Step):
+    """Stay until a quantity lies between two bounds, and stop the task where it takes too long.
+
+    It is looked at after half a second, or where the time-out ends before; ``rest_cycles`` pass
+    before all that.
+    """
+
+    quantity: Callable[[State], float]
+    above: float = -math.inf
+    below: float = math.inf
+    otherwise: str
+    timeout_s: float
+    period_s: float
+    rest_cycles: int = 0
+
+    def enter(self, state: State) -> bool:
+        """Begin to count."""
+        state.cycle, state.cycles = 0, math.ceil(self.timeout_s / self.period_s)
+        return True
+
+    def advance(self, state: State) -> bool:
+        """Stay for another cycle, or stop the task."""
+        waited = state.cycle - self.rest_cycles
+        if waited >= min(MEAN_CYCLES, state.cycles):
+            if self.above < self.quantity(state) < self.below:
+                return False
+            if waited == state.cycles:
+                raise state.stopped(f"{self.otherwise} after {self.timeout_s:g} s")
+        state.cycle += 1
+        return True
+
+
+@dataclass(frozen=True)
+class Measure(Step):
+    """Keep the mean of the last half second for later comparison."""
+
+    name: Literal["empty", "free"]
+
+    def enter(self, state: State) -> bool:
+        """Keep it."""
+        setattr(state, self.name, state.mean())
+        return False
+
+
+@dataclass(frozen=True)
+class CheckGrasp(Step):
+    """Stop the task where jaws have closed with no sheet between them."""
+
+    thickness_m: float
+
+    def enter(self, state: State) -> bool:
+        """Compare the gaps with half of the thickness."""
+        for side, gap in zip(("left", "right"), state.mean().gap, strict=True):
+            if gap < 0.5 * self.thickness_m:
+                raise state.stopped(
+                    f"nothing is between the {side} jaws: they closed to {1e3 * gap:.2f} mm, "
+                    f"the sheet has {1e3 * self.thickness_m:.2f} mm"
+                )
+        return False
+
+
+@dataclass(frozen=True)
+class CheckWeight(Step):
+    """Stop the task where the arms carry something else than the sheet."""
+
+    weight_n: float
+
+    def enter(self, state: State) -> bool:
+        """Allow for half of the weight."""
+        carried = state.carried()
+        if not 0.5 * self.weight_n < carried < 1.5 * self.weight_n:
+            raise state.stopped(
+                f"the arms carry {carried:.2f} N, the sheet weighs {self.weight_n:.2f} N"
+            )
+        return False
+
+
+@dataclass(frozen=True)
+class Retry:
+    """Tell whether holes are on their pins; where they are not, the phase before is tried again."""
+
+    holes: HolePair
+    attempts: int
+
+    def needed(self, state: State) -> bool:
+        """Say whether to try again; stop the task after the last attempt."""
+        holes = self.holes
+        support, short = holes.support(state, MEAN_CYCLES), holes.value(state) - holes.target
+        if support < holes.missed_n and short <= 0.0:
+            return False
+        if state.attempt + 1 < self.attempts:
+            return True
+        held = "the sheet" if holes.name == "middle" else "an end"
+        left = f"{1e3 * short:.3g} mm" if holes.coordinate == "z" else f"{short:.3g} rad"
+        raise state.stopped(
+            f"the {holes.name} holes did not find their pins in {self.attempts} attempts: "
+            f"{held} is held up with {support:.2f} N, "
+            + (
+                f"{left} short of its place"
+                if support < holes.missed_n
+                else f"above {holes.missed_n:.2f} N"
+            )
+        )
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A phase of the program: its steps, and whether they and the phase before are repeated."""
+
+    name: str
+    steps: Sequence[Step]
+    retry: Retry | None = None
