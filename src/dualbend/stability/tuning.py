@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from dualbend.errors import InputError
 from dualbend.evaluation.metrics import peak_by_piece
 from dualbend.run.known_sheet import make_admittance
 from dualbend.run.make import make_run
-from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.scenario import Scenario, without_none
 from dualbend.stability.margins import loop_margins
 from dualbend.stability.path_prediction import PathPrediction
 from dualbend.stability.plant.environment import Environment, environments
@@ -89,7 +89,6 @@ def tune(
     *,
     required: Margin,
     seeds: Sequence[int] = (1, 2, 3),
-    on_try: Callable[[Candidate], None] | None = None,
 ) -> Tuning:
     """Search the time constants of a scenario's compliance.
 
@@ -101,12 +100,13 @@ def tune(
     """
     compliance = scenario.compliance if scenario.compliance.schedule else BEYOND_THE_PAPER
     start = msgspec.structs.replace(scenario, compliance=compliance)
-    search = _Search(start, required, seeds, on_try)
+    search = _Search(start, required, seeds)
     found = search.run()
     tuned = msgspec.structs.replace(
         start, name=f"{scenario.name}-tuned", compliance=found.compliance
     )
     rows = predict(tuned).rows
+    stable = all(row.stable for row in rows)
     return Tuning(
         scenario=tuned,
         found=found,
@@ -114,8 +114,8 @@ def tune(
         without=tuple(search.path.peaks(None, search.noises[0]).tolist()),
         simulated=tuple(_simulated(tuned, seed) for seed in seeds),
         verified=Margin(
-            gain_db=min(row.gain_margin_db if row.stable else -math.inf for row in rows),
-            phase_deg=min(row.phase_margin_deg if row.stable else -math.inf for row in rows),
+            gain_db=min(row.gain_margin_db for row in rows) if stable else -math.inf,
+            phase_deg=min(row.phase_margin_deg for row in rows) if stable else -math.inf,
         ),
     )
 
@@ -130,17 +130,10 @@ def _simulated(scenario: Scenario, seed: int) -> tuple[float, ...]:
 class _Search:
     """Coordinate search: change one gain after the other as long as the cost falls."""
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        required: Margin,
-        seeds: Sequence[int],
-        on_try: Callable[[Candidate], None] | None,
-    ) -> None:
+    def __init__(self, scenario: Scenario, required: Margin, seeds: Sequence[int]) -> None:
         self.scenario, self.required, self.tried = scenario, required, 0
         self.path = PathPrediction(scenario)
         self.noises = [self.path.noise(seed) for seed in seeds]
-        self._on_try = on_try
         # Of the start's gains: with a force reference the equilibrium hardly depends on them.
         first, last = scenario.path.start_rad, scenario.path.end_rad
         count = math.ceil((last - first) / _ANGLE_STEP_RAD) + 1
@@ -150,12 +143,11 @@ class _Search:
     def run(self) -> Candidate:
         """Return the best candidate."""
         best = self._first()
-        knobs = [name for name, value in _knobs(best.compliance).items() if value is not None]
         for factor in _STEPS:
             better = True
             while better:
                 better = False
-                for name in knobs:
+                for name in _knobs(best.compliance):
                     for by in (1.0 / factor, factor):
                         tried = self._try(_turned(best.compliance, name, by))
                         if tried and tried.margin.fulfils(self.required) and tried.cost < best.cost:
@@ -170,9 +162,8 @@ class _Search:
             tried = self._try(compliance)
             if tried is not None and tried.margin.fulfils(self.required):
                 return tried
-            for name, value in _knobs(compliance).items():
-                if value is not None:
-                    compliance = _turned(compliance, name, _STEPS[0]) or compliance
+            for name in _knobs(compliance):
+                compliance = _turned(compliance, name, _STEPS[0]) or compliance
         raise InputError(
             f"no gains have {self.required.gain_db:g} dB and {self.required.phase_deg:g} degrees "
             "of margin along this path; ask for less or let the compliance begin later"
@@ -188,10 +179,7 @@ class _Search:
             each = [self.path.peaks(make_admittance(scenario), noise) for noise in self.noises]
             peaks = tuple(np.mean(each, axis=0).tolist())
         self.tried += 1
-        candidate = Candidate(compliance=compliance, margin=margin, peaks=peaks)
-        if self._on_try:
-            self._on_try(candidate)
-        return candidate
+        return Candidate(compliance=compliance, margin=margin, peaks=peaks)
 
 
 def min_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
@@ -210,15 +198,15 @@ def min_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
     return Margin(gain_db=gain, phase_deg=phase)
 
 
-def _knobs(config: AdmittanceConfig) -> dict[str, float | None]:
-    """Return what the search changes: times [s], None where there is no such thing."""
-    predictor = config.predictor
-    return {
-        "x.b": config.x.b if config.x else None,
-        "rotation.b": config.rotation.b if config.rotation else None,
-        "predictor.lead_x_s": predictor.lead_x_s if predictor else None,
-        "predictor.lead_rotation_s": predictor.lead_rotation_s if predictor else None,
-    }
+def _knobs(config: AdmittanceConfig) -> dict[str, float]:
+    """Return what the search changes of a compliance: times [s] by section and key."""
+    found: dict[str, float] = {}
+    for knob in ("x.b", "rotation.b", "predictor.lead_x_s", "predictor.lead_rotation_s"):
+        section, key = knob.split(".")
+        value = getattr(getattr(config, section), key, None)
+        if value is not None:
+            found[knob] = value
+    return found
 
 
 def _turned(config: AdmittanceConfig, knob: str, factor: float) -> AdmittanceConfig | None:
@@ -240,18 +228,9 @@ def write_scenario(tuning: Tuning, base: str, path: Path) -> None:
         "extends": extends,
         "name": tuning.scenario.name,
         "description": f"{base} with gains found by dualbend tune",
-        "compliance": _given(msgspec.to_builtins(tuning.found.compliance)),
+        "compliance": without_none(msgspec.to_builtins(tuning.found.compliance)),
     }
     try:
         path.write_text(tomli_w.dumps(table), encoding="utf-8")
     except OSError as error:
         raise InputError(f"--out {path}: cannot be written: {error.strerror}") from error
-
-
-def _given(table: dict[str, Any]) -> dict[str, Any]:
-    """Leave out what is not set: TOML has no null."""
-    return {
-        key: _given(value) if isinstance(value, dict) else value
-        for key, value in table.items()
-        if value is not None
-    }
