@@ -31,7 +31,7 @@ WORDS = {
     r" (Hz) grows by (\S+) /s,": r" \1, growth rate \2 1/s,",
 }
 """Words of the recorded values that have other names today; the numbers in them are compared."""
-MODEL, RIGHT = "arm.model", "arm.right"
+MODEL, RIGHT = "robot.model", "robot.right.model"
 
 BENDING = ("fig6", "fig8", "fig9", "exact", "tuned", "tuned-exact", "springback")
 ARMS = ("ur3", "ur5", "ur10", "panda", "xarm7", "z1")

@@ -77,11 +77,15 @@ def test_summary_is_strict_json(folder: Path) -> None:
         (["run", "fig6", "--set", "motion.speed_rad_per_s=4.9"], ["motion.speed_rad_per_s", "4.9"]),
         (["beam", "--length", "0.6", "--width", "0.1", "--thickness", "-1", "--young", "7e10",
           "--alpha", "0.2"], ["thickness", "-1"]),
-        (["stability", "tuned", "--confront"], ["--confront", "tuned", "beyond the paper"]),
+        (["stability", "tuned", "--validate"], ["--validate", "tuned", "beyond the paper"]),
+        (["stability", "fig9", "--confront"], ["--confront is --validate now"]),
         (["stability", "fig8", "--map", "m.png", "--map-b", "10", "1"], ["--map-b", "10", "1"]),
         (["stability", "fig8", "--map", "m.png", "--map-k", "-1", "1"], ["--map-k", "-1"]),
         (["run", "fig8", "--set", "compliance.x.k=-575"], ["compliance.x.k", "-575", "> 0"]),
-        (["run", "fig8", "--set", "alter.delay_cycles=1.5"], ["alter.delay_cycles", "1.5"]),
+        (
+            ["run", "fig8", "--set", "robot.alter.delay_cycles=1.5"],
+            ["robot.alter.delay_cycles", "1.5"],
+        ),
         (["scene", "fig6", "--out", "/proc/none/x.xml"], ["/proc/none/x.xml"]),
         (["run", "fig6", "--out", "/proc/none"], ["/proc/none"]),
     ],
@@ -196,9 +200,9 @@ def test_what_cannot_be_written_is_said_and_the_rest_is_kept(tmp_path: Path) -> 
 
 
 def test_pieces_replace_an_inherited_interval(tmp_path: Path) -> None:
-    assert load_scenario("fig8", ["path.pieces=3"]).path.interval_rad is None
+    assert load_scenario("fig8", ["path.kind=pieces", "path.pieces=3"]).path.pieces == 3
     child = tmp_path / "child.toml"
-    child.write_text('extends = "fig6"\nname = "child"\n[path]\npieces = 4\n')
+    child.write_text('extends = "fig6"\nname = "child"\n[path]\nkind = "pieces"\npieces = 4\n')
     assert load_scenario(str(child)).path.pieces == 4
 
 
@@ -251,7 +255,7 @@ def test_a_run_tells_what_is_predicted_before_it_starts(
 def test_what_cannot_be_predicted_runs_all_the_same(tmp_path: Path) -> None:
     """The loop's prediction is of two arms of a kind; a mixed pair complies without it."""
     settings = (
-        "arm.right=ur5",
+        "robot.right.model=ur5",
         "motion.speed_rad_per_s=1.0",
         "path.end_rad=0.3",
         "motion.hold_s=0.1",

@@ -6,7 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,8 +18,9 @@ import dualbend
 from dualbend.beam import elastica
 from dualbend.beam.rod import planar as rod
 from dualbend.cli import main
-from dualbend.scenario.load import load_scenario
+from dualbend.scenario.load import Settings, load_scenario
 from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.toml_text import toml
 from dualbend.validation.page import validation_page
 from dualbend.validation.row import relative
 from icra1995 import beam as audit_beam
@@ -35,7 +36,7 @@ SHORT = (
     "motion.speed_rad_per_s=1.0",
     "motion.settle_s=0.1",
     "motion.hold_s=0.1",
-    "sheet.strips.hinges=10",
+    "sheet.model.hinges=10",
     "physics.step_s=0.0035",
 )
 """What an example is shortened by: every statement runs, on a motion of half a second."""
@@ -90,7 +91,9 @@ def test_every_example_runs(
     monkeypatch.chdir(tmp_path)
     short = True
 
-    def loaded(which: str, settings: tuple[str, ...] = (), seed: int | None = None) -> Scenario:
+    def loaded(which: str, settings: Settings = (), seed: int | None = None) -> Scenario:
+        if isinstance(settings, Mapping):
+            settings = [f"{key}={toml(value)}" for key, value in settings.items()]
         return load_scenario(which, [*settings, *(SHORT if short else ())], seed)
 
     monkeypatch.setattr(dualbend, "load_scenario", loaded, raising=False)

@@ -18,8 +18,8 @@ from click.testing import CliRunner, Result
 
 import dualbend.cli
 from dualbend.cli import main
-from dualbend.scenario.completion import complete_scenario
 from dualbend.scenario.load import list_scenarios, load_scenario
+from dualbend.scenario.shipped import complete_scenario
 
 COMMANDS = sorted(main.commands)
 LIGHT = {"dualbend", "dualbend.errors", "dualbend.cli"} | {
@@ -79,7 +79,7 @@ def test_a_tab_completes_scenarios_and_loads_no_more_than_the_folder() -> None:
     modules, output = loaded(
         [], _DUALBEND_COMPLETE="bash_complete", COMP_WORDS="dualbend run fi", COMP_CWORD="2"
     )
-    assert modules == LIGHT | FOLDER | {"dualbend.scenario.completion"}
+    assert modules == LIGHT | FOLDER
     assert output.split() == ["plain,fig6", "plain,fig8", "plain,fig9"]
 
 

@@ -13,7 +13,7 @@ ARM = "ur5"
 
 def main(settings: Sequence[str] = ()) -> dict[str, float]:
     """Place two arms for the path of `fig6`, run it; print and return distance and peak moment."""
-    scenario = load_scenario("fig6", [f"arm.model={ARM}", *settings])
+    scenario = load_scenario("fig6", [f"robot.model={ARM}", *settings])
     arm = arm_pair(scenario).left
     place = arm.placement
     print(f"{arm.model.name}: {arm.model.count} joints, payload {arm.model.payload_kg:g} kg")

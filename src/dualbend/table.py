@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
@@ -33,7 +33,15 @@ class Column:
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
 
-@dataclass(frozen=True)
+def quantity(name: str, unit: str = "", spec: str = ".4g", width: int = 0) -> Column:
+    """Return a column of numbers, aligned to the right."""
+    return Column(name, unit, spec, right=True, width=width)
+
+
+Columns = Sequence[Column | str]
+"""A column is given by its name alone where it holds texts."""
+
+
 class Table:
     """Rows of values under columns; a row may end early. ``caption`` says what they are.
 
@@ -41,14 +49,20 @@ class Table:
     list of these.
     """
 
-    columns: Sequence[Column]
-    rows: Sequence[Sequence[object]]
-    caption: str = ""
+    def __init__(
+        self, columns: Columns, rows: Iterable[Sequence[object]], caption: str = ""
+    ) -> None:
+        self.columns = [Column(c) if isinstance(c, str) else c for c in columns]
+        self.rows = [[*row, *[""] * (len(columns) - len(row))] for row in rows]
+        self.caption = caption
+        for row in self.rows:
+            if len(row) > len(columns):
+                raise ValueError(f"{len(row)} values under {len(columns)} columns: {row}")
 
     def cells(self, missing: str = "-") -> list[list[str]]:
         """Return every row as texts, with ``missing`` where a value is None."""
         return [
-            [shown(value, column.format, missing) for column, value in _paired(self.columns, row)]
+            [shown(v, c.format, missing) for v, c in zip(row, self.columns, strict=True)]
             for row in self.rows
         ]
 
@@ -86,12 +100,6 @@ def shown(value: object, spec: str = ".4g", missing: str = "-") -> str:
     if isinstance(value, str):
         return value
     return format(value, spec)
-
-
-def _paired(columns: Sequence[Column], row: Sequence[object]) -> list[tuple[Column, object]]:
-    if len(row) > len(columns):
-        raise ValueError(f"a row of {len(row)} values under {len(columns)} columns: {row}")
-    return list(zip(columns, [*row, *[""] * (len(columns) - len(row))], strict=True))
 
 
 def escaped(cell: str) -> str:

@@ -16,7 +16,6 @@ from dualbend.arm.placement import MIN_MARGIN_RAD, find_placement
 from dualbend.errors import InputError
 from dualbend.run.arms import arm_pair, path_targets, with_placements
 from dualbend.scenario.load import load_scenario
-from dualbend.scenario.path import make_path
 from dualbend.scene.cell import robots_only
 from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD, InverseKinematics, grip_targets
 
@@ -29,7 +28,9 @@ NAMES: tuple[ArmName, ...] = ("ur5", "panda")
 @cache
 def pair(*names: ArmName) -> ArmPair:
     left, right = names if len(names) == 2 else names * 2
-    return arm_pair(load_scenario("fig6", [f"arm.left={left}", f"arm.right={right}"]))
+    return arm_pair(
+        load_scenario("fig6", [f"robot.left.model={left}", f"robot.right.model={right}"])
+    )
 
 
 @cache
@@ -37,7 +38,7 @@ def walked(*names: ArmName) -> Array:
     """Return joint angles along the nominal path, by the inverse kinematics of the runs."""
     arms = pair(*names)
     solver = InverseKinematics(robots_only(arms).compile(), arms.home)
-    path, q, rows = make_path(SCENARIO.path, SCENARIO.sheet.length_m), arms.home, []
+    path, q, rows = SCENARIO.path.make(SCENARIO.sheet.length_m), arms.home, []
     for alpha in np.linspace(0.0, 1.0, 21).tolist():
         half, rise = path.at(alpha)
         pose = np.array([-half, SCENARIO.cell.sheet_height_m + rise, alpha])
@@ -89,7 +90,7 @@ def test_a_redundant_arm_takes_the_same_angles_whatever_way_it_came() -> None:
     """The solution nearest to the posture depends on the pose alone."""
     arms = pair("panda")
     solver = InverseKinematics(robots_only(arms).compile(), arms.home)
-    path = make_path(SCENARIO.path, SCENARIO.sheet.length_m)
+    path = SCENARIO.path.make(SCENARIO.sheet.length_m)
     half, rise = path.at(0.5)
     pose = np.array([-half, SCENARIO.cell.sheet_height_m + rise, 0.5])
     targets = grip_targets(np.array([pose, pose]))
@@ -119,7 +120,7 @@ def test_the_search_is_deterministic() -> None:
 
 
 def test_what_is_given_by_hand_wins() -> None:
-    settings = ["arm.model=ur5", "cell.base_distance_m=0.95", "cell.base_height_m=0.5"]
+    settings = ["robot.model=ur5", "cell.base_distance_m=0.95", "cell.base_height_m=0.5"]
     placed = arm_pair(load_scenario("fig6", settings)).left.placement
     assert (placed.base_distance_m, placed.base_height_m) == (0.95, 0.5)
     one = arm_pair(load_scenario("fig6", [*settings, "cell.right.base_distance_m=1.0"]))
@@ -129,7 +130,7 @@ def test_what_is_given_by_hand_wins() -> None:
 
 def test_a_placed_scenario_is_itself() -> None:
     """Nothing is left to find in what a run writes, and it says the same place."""
-    for settings in (["arm.model=panda"], ["arm.right=ur5"], []):
+    for settings in (["robot.model=panda"], ["robot.right.model=ur5"], []):
         scenario = load_scenario("fig6", settings)
         placed = with_placements(scenario)
         assert with_placements(placed) == placed
@@ -139,24 +140,24 @@ def test_a_placed_scenario_is_itself() -> None:
 def test_another_arm_takes_the_place_of_the_one_before_back() -> None:
     base = load_scenario("fig6")
     assert base.cell.base_distance_m == 1.05
-    both = load_scenario("fig6", ["cell.base_lateral_m=0.1", "arm.model=ur5"])
+    both = load_scenario("fig6", ["cell.base_lateral_m=0.1", "robot.model=ur5"])
     assert (both.cell.base_distance_m, both.cell.base_lateral_m) == (None, 0.1)
-    one = load_scenario("fig6", ["arm.right=ur5"])
+    one = load_scenario("fig6", ["robot.right.model=ur5"])
     assert one.cell.base_distance_m is None
     assert one.cell.left is not None
     assert one.cell.left.base_distance_m == 1.05
     assert one.cell.right is None
-    assert load_scenario("fig6", ["arm.model=puma560"]) == base
+    assert load_scenario("fig6", ["robot.model=puma560"]) == base
 
 
 def test_an_arm_that_is_too_short_is_refused_with_the_number() -> None:
     with pytest.raises(InputError, match=r"'ur3' \(reach 0.5 m\).*misses one by \d+ mm"):
-        arm_pair(load_scenario("fig6", ["arm.model=ur3", "sheet.length_m=1.6"]))
+        arm_pair(load_scenario("fig6", ["robot.model=ur3", "sheet.length_m=1.6"]))
 
 
 def test_an_arm_whose_joints_do_not_turn_that_far_is_refused() -> None:
     with pytest.raises(InputError, match=r"right arm: arm 'z1'.*misses one by \d+ mm with joint"):
-        arm_pair(load_scenario("fig6", ["arm.right=z1"]))
+        arm_pair(load_scenario("fig6", ["robot.right.model=z1"]))
 
 
 def test_the_paper_arm_stands_where_it_is_documented() -> None:

@@ -39,7 +39,7 @@ hold_s = 0.1
 MUTATIONS = {
     "modulus": "[sheet]\nyoung_pa = 73.815e9\n",  # 5 % more
     "damping": "[compliance]\nx = { b = 7.35 }\nrotation = { b = 0.525 }\n",  # 5 % more
-    "delay": "[alter]\ndelay_cycles = 3\n",  # one cycle more
+    "delay": "[robot.alter]\ndelay_cycles = 3\n",  # one cycle more
     "fir": "[filter]\ntaps = 3\n",  # one tap more
     "untouched": "",
 }
@@ -54,7 +54,7 @@ def measured(**metrics: float | list[float | None] | None) -> Measured:
     return Measured(
         name="x",
         source="x.toml",
-        assembly=False,
+        task="bending",
         outcome="completed",
         model_sha256="m",
         scenario_sha256="s",
@@ -238,7 +238,7 @@ def test_a_change_of_engine_is_told_apart_from_one_of_code() -> None:
 def test_a_refusal_is_an_outcome() -> None:
     refused = measure("pwb-impossible")
     assert (refused.outcome, refused.metrics) == ("refused", {})
-    assert "assembly.layout.holes.middle.along_m" in refused.reason
+    assert "task.layout.holes.middle.along_m" in refused.reason
     assert compare(baseline_of(refused), [refused]).failures == []
     ran = msgspec.structs.replace(refused, outcome="completed")
     assert [f.metric for f in compare(baseline_of(ran), [refused]).failures] == ["outcome"]
@@ -249,7 +249,7 @@ def test_the_command_says_why_a_scenario_is_refused(tmp_path: Path) -> None:
     options = ["--baseline", str(file), "--update", "--workers", "1"]
     found = CliRunner().invoke(main, ["check", "pwb-impossible", *options])
     line = next(t for t in found.stderr.splitlines() if t.startswith("pwb-impossible: refused"))
-    assert "assembly.layout.holes.middle.along_m" in line
+    assert "task.layout.holes.middle.along_m" in line
 
 
 def test_a_fault_of_the_program_ends_one_scenario_and_no_update_keeps_it(
@@ -297,7 +297,7 @@ def test_misaligned_grips_have_peaks_out_of_the_plane() -> None:
         "peak_yaw_moment": ("moment_z", "N m"),
     }
     assert not columns.keys() & BendingRun(load_scenario("fig6", plane)).run().metrics.keys()
-    rolled = [*brief, "misalignment.right.roll_rad=0.02"]
+    rolled = [*brief, "task.misalignment.right.roll_rad=0.02"]
     result = BendingRun(load_scenario("fig6", rolled)).run()
     metrics, bent = result.metrics, bending_rows(result)
     places = peak_places(result, metrics)
@@ -307,8 +307,8 @@ def test_misaligned_grips_have_peaks_out_of_the_plane() -> None:
         (place,) = places[name]
         assert place is not None
         assert place.phase == "bend"
-        assert default_tolerance(name, peak, assembly=False).size == 5e-3
-        assert better_where(name) == "lower"
+        assert default_tolerance(name, peak, "bending").size == 5e-3
+        assert better_where(name, "bending") == "lower"
     # Analytic, GJ φ/L, of the flat rod without weight between ideal grips; 2 % off are found.
     sheet = result.scenario.sheet.sheet()
     flat = result.trace["left_true_moment_x"][np.flatnonzero(bent)[0]]
@@ -331,7 +331,7 @@ def test_the_peaks_of_an_assembly_are_found(tmp_path: Path) -> None:
 
 def _assembly(folder: Path) -> Path:
     path = folder / "stopped.toml"
-    path.write_text('extends = "pwb"\nname = "stopped"\n[assembly]\ntimeout_s = 0.1\n')
+    path.write_text('extends = "pwb"\nname = "stopped"\n[task]\ntimeout_s = 0.1\n')
     return path
 
 

@@ -10,7 +10,7 @@ from dualbend.control.alter import AlterMode, PlanarPathModification
 from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
 from dualbend.control.controller import Command, ComplianceController
 from dualbend.control.delay import TransportDelay
-from dualbend.control.filters import LowPass, LowPassConfig
+from dualbend.control.filters import LowPass, NoFilterConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,
     Sensor,
@@ -49,7 +49,7 @@ def make(
             i: WrenchChain(
                 Sensor(IDEAL, np.random.default_rng(0)),
                 ToolGravityCompensation(tool_kg, [0.05, 0.0, 0.0]),
-                LowPass(LowPassConfig(kind="none")),
+                LowPass(NoFilterConfig()),
                 np.eye(3),
             )
             for i in sensing

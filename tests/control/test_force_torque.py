@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from dualbend.control.filters import LowPass, LowPassConfig
+from dualbend.control.filters import IirConfig, LowPass, LowPassConfig, NoFilterConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,
     Sensor,
@@ -47,7 +47,7 @@ def make_chain(
     return WrenchChain(
         Sensor(config, np.random.default_rng(seed)),
         ToolGravityCompensation(TOOL_MASS, TOOL_COM),
-        LowPass(low_pass or LowPassConfig(kind="none")),
+        LowPass(low_pass or NoFilterConfig()),
         rotation_grip_sensor,
     )
 
@@ -262,7 +262,7 @@ def test_tool_weight_points_down_and_compensation_removes_it() -> None:
 
 
 def test_first_reading_starts_no_transient_and_reset_forgets() -> None:
-    chain = make_chain(low_pass=LowPassConfig(kind="iir"), **IDEAL)
+    chain = make_chain(low_pass=IirConfig(), **IDEAL)
     for load in (16.0, -5.0):
         chain.reset()
         for _ in range(5):

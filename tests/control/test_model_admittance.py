@@ -6,22 +6,22 @@ import msgspec
 import numpy as np
 import pytest
 
-from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
+from dualbend.control.compliance.admittance import Admittance, AxisConfig, ModelAdmittanceConfig
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.predictor import PredictorConfig, ResponseLead, ResponseModel
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, KnownSheet, ScheduleConfig
-from dualbend.control.filters import LowPassConfig
+from dualbend.control.filters import FirConfig, LowPassConfig
 from dualbend.control.response import CommandResponseConfig
 from dualbend.errors import InputError
 
 RESPONSE = CommandResponseConfig(natural_frequency_hz=2.2, damping_ratio=1.0)
-LOW_PASS = LowPassConfig(kind="fir", taps=2)
+LOW_PASS = FirConfig(taps=2)
 STIFFNESS = np.array([[600.0, -17.0], [0.0, -1.3], [-17.0, 0.77]])
 INERTIA = np.array([[0.6, 0.0, 0.01], [0.0, 0.6, 0.04], [0.01, 0.04, 0.0038]])
 SENT = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
 AXIS = AxisConfig(b=0.1, k=0.01, form="static")
-PREDICTED = AdmittanceConfig(
+PREDICTED = ModelAdmittanceConfig(
     units="sheet",
     x=AXIS,
     rotation=AXIS,
@@ -57,7 +57,7 @@ def model(delay_cycles: int, channels: int, low_pass: LowPassConfig = LOW_PASS) 
     )
 
 
-def made(config: AdmittanceConfig) -> ModelAdmittance:
+def made(config: ModelAdmittanceConfig) -> ModelAdmittance:
     return ModelAdmittance(
         config, known=known(), response=RESPONSE, own=model(2, 2), nominal=model(0, 3)
     )
@@ -67,7 +67,7 @@ POSE = np.array([-0.19, 0.7, 0.5])
 
 
 def test_without_any_part_it_is_the_papers_admittance() -> None:
-    paper = AdmittanceConfig(x=AxisConfig(b=7, k=575), rotation=AxisConfig(b=0.5, k=1e4))
+    paper = ModelAdmittanceConfig(x=AxisConfig(b=7, k=575), rotation=AxisConfig(b=0.5, k=1e4))
     plain, modelled = Admittance(paper), made(paper)
     rng = np.random.default_rng(1)
     for force, moment in rng.standard_normal((50, 2)):
@@ -79,7 +79,7 @@ def test_without_any_part_it_is_the_papers_admittance() -> None:
 
 def test_the_reference_is_not_complied_with() -> None:
     """Analytic: at the known force and no moment nothing moves."""
-    config = AdmittanceConfig(x=AxisConfig(b=7, k=575), reference=ReferenceConfig())
+    config = ModelAdmittanceConfig(x=AxisConfig(b=7, k=575), reference=ReferenceConfig())
     admittance = made(config)
     assert admittance.comply(-2.0, -0.15, 0.0, POSE).dx_m == pytest.approx(0.0, abs=1e-15)
     assert admittance.comply(-3.0, -0.15, 0.0, POSE).dx_m < 0.0  # pushed back, it gives way
@@ -120,7 +120,7 @@ def test_fusion_finds_a_wrong_x_from_force_and_moment_alike() -> None:
         assert point.estimate[0] @ STIFFNESS[[0, 2], 0] == pytest.approx(1.0, rel=1e-12)
 
 
-def closed_loop(config: AdmittanceConfig, error_m: float, cycles: int) -> list[float]:
+def closed_loop(config: ModelAdmittanceConfig, error_m: float, cycles: int) -> list[float]:
     """Run the loop on a linear sheet whose x is wrong by error_m from the start."""
     admittance = made(config)
     plant = model(2, 2)
@@ -173,9 +173,9 @@ def test_the_lead_undoes_the_response_at_the_cycles() -> None:
 
 def test_gains_in_units_of_the_sheet_need_a_schedule() -> None:
     with pytest.raises(ValueError, match="belong together"):
-        AdmittanceConfig(units="sheet", x=AXIS)
+        ModelAdmittanceConfig(units="sheet", x=AXIS)
     with pytest.raises(ValueError, match="belong together"):
-        AdmittanceConfig(x=AXIS, schedule=ScheduleConfig())
+        ModelAdmittanceConfig(x=AXIS, schedule=ScheduleConfig())
 
 
 def test_a_table_that_does_not_grow_is_refused() -> None:

@@ -21,7 +21,7 @@ from dualbend.control.compliance.object import (
     critical_rate,
 )
 from dualbend.control.delay import TransportDelay
-from dualbend.control.filters import LowPass, LowPassConfig
+from dualbend.control.filters import FirConfig, IirConfig, LowPass, NoFilterConfig
 from dualbend.control.force_torque import WrenchSample
 from dualbend.control.reading import Reading, net_wrench
 from dualbend.control.response import CommandResponse, CommandResponseConfig
@@ -295,9 +295,9 @@ def poles(path: Sequence[TransferFunction], latency: int, rate: float) -> Vector
 
 def shipped(kind: str, cycles: int) -> list[TransferFunction]:
     low_pass = {
-        "fir": LowPassConfig(kind="fir", cutoff_hz=10.0, taps=2),
-        "iir": LowPassConfig(kind="iir"),
-        "none": LowPassConfig(kind="none"),
+        "fir": FirConfig(cutoff_hz=10.0, taps=2),
+        "iir": IirConfig(),
+        "none": NoFilterConfig(),
     }[kind]
     return [
         LowPass(low_pass).transfer_function(),
@@ -332,7 +332,7 @@ def swing(rate: float, path_delay: int, latency: int, cycles: int = 600) -> floa
         np.array([0.0, 1.0]),
         np.full((2, 3), rate / stiffness),
     )
-    low_pass = LowPass(LowPassConfig(kind="fir", cutoff_hz=10.0, taps=2), 3)
+    low_pass = LowPass(FirConfig(cutoff_hz=10.0, taps=2), 3)
     line, age = TransportDelay(path_delay, 3), TransportDelay(latency, 3)
     response = CommandResponse(RESPONSE, 3, 16)
     place = []

@@ -43,8 +43,8 @@ def _robot(control: Any, scenario: Scenario, age_steps: int, steps: int) -> Any:
     ω²/(s² + 2ξω s + ω²) is sampled at the physics step by control's first-order hold, which is
     exact for a ramp, and 16 such steps in a row are one cycle.
     """
-    omega = 2.0 * math.pi * scenario.response.natural_frequency_hz
-    damping = 2.0 * scenario.response.damping_ratio * omega
+    omega = 2.0 * math.pi * scenario.robot.response.natural_frequency_hz
+    damping = 2.0 * scenario.robot.response.damping_ratio * omega
     continuous = control.tf([omega**2], [1.0, damping, omega**2])
     fine = control.sample_system(control.ss(continuous), COMMAND_PERIOD_S / steps, "foh")
     n = fine.nstates
@@ -82,7 +82,7 @@ def _loop(control: Any, name: str, axis: AxisName, stiffness: float) -> Any:
     taps, _ = elements.low_pass.transfer_function()
     low_pass = control.tf(taps, [1.0, *[0.0] * (taps.size - 1)], COMMAND_PERIOD_S)
     robot = _robot(control, scenario, elements.age_steps, elements.response.steps)
-    late = _delay(control, scenario.alter.delay_cycles)
+    late = _delay(control, scenario.robot.alter.delay_cycles)
     return control.ss(admittance) * control.ss(low_pass) * control.ss(late) * robot * stiffness
 
 

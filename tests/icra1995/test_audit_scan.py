@@ -16,7 +16,6 @@ from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig,
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import peak_by_piece
 from dualbend.scenario.load import load_scenario
-from dualbend.scenario.path import make_path
 from dualbend.task.bending.run import BendingRun
 from icra1995 import audit
 from icra1995.confirm import oscillates, select
@@ -120,8 +119,10 @@ def test_metres_and_radians_are_the_si_units(form: str) -> None:
 def test_the_shipped_reading_is_the_shipped_scenario() -> None:
     ours, shipped = SHIPPED.scenario(), load_scenario("fig8")
     assert gains(ours.compliance) == pytest.approx(gains(shipped.compliance), rel=1e-12)
-    for name in ("path", "motion", "alter", "filter", "arms", "cell"):
+    for name in ("path", "motion", "filter", "cell"):
         assert getattr(ours, name) == getattr(shipped, name), name
+    assert ours.robot.alter == shipped.robot.alter
+    assert (ours.compliance.sensing, ours.compliance.complying) == (("left",), ("left",))
     assert ours.sheet.sheet() == shipped.sheet.sheet()
     tenth = SHIPPED.scenario(0.1).compliance
     # Analytic: b scales the printed gain, k stays.
@@ -134,7 +135,7 @@ def test_the_shipped_reading_is_the_shipped_scenario() -> None:
 def test_rest_is_where_filter_and_sheet_agree() -> None:
     """Rigid arms, rotation alone: α_left = α + M(α_left)/b, by bisection on the rod itself."""
     rigid = [
-        "servo.stiffness_n_m_per_rad=[1e9, 1e9, 1e9, 1e9, 1e9, 1e9]",
+        "robot.servo.stiffness_n_m_per_rad=[1e9, 1e9, 1e9, 1e9, 1e9, 1e9]",
         "grasp.translational_stiffness_n_per_m=1e12",
         "grasp.rotational_stiffness_n_m_per_rad=1e9",
     ]
@@ -142,7 +143,7 @@ def test_rest_is_where_filter_and_sheet_agree() -> None:
     alphas = np.array([0.3, 0.5])
     found = moments(load_scenario("fig6", rigid + turning), alphas)
     plain = load_scenario("fig6", rigid)
-    sheet, path = plain.sheet.sheet(), make_path(plain.path, plain.sheet.length_m)
+    sheet, path = plain.sheet.sheet(), plain.path.make(plain.sheet.length_m)
     for alpha, moment, alone in zip(alphas, found, moments(plain, alphas), strict=True):
         x = float(path.at(float(alpha))[0])
 

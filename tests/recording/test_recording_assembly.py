@@ -73,7 +73,7 @@ def test_the_file_is_sound_and_its_columns_are_complete(recorded: Recorded, path
 
 
 def test_pins_stand_on_the_bed_as_high_as_they_are(recorded: Recorded, result: RunRecord) -> None:
-    layout = result.scenario.assembly.layout
+    layout = result.scenario.task.layout
     for hole, place in zip(HOLES, hole_places(layout.holes), strict=True):
         pin = recorded.static[f"/cell/pin/{hole}"]
         foot = np.ravel(pin["Transform3D:translation"])
@@ -86,14 +86,14 @@ def test_pins_stand_on_the_bed_as_high_as_they_are(recorded: Recorded, result: R
 
 def test_a_tapered_pin_is_drawn_as_high_as_it_is(tmp_path: Path) -> None:
     _, result = make_book()
-    tapered = make_run(load_scenario("pwb", ("assembly.layout.pins.tip=taper",))).cell.model
+    tapered = make_run(load_scenario("pwb", ("task.layout.pins.tip=taper",))).cell.model
     mesh = mujoco.mjtGeom.mjGEOM_MESH
     assert (tapered.geom_type == mesh).sum() == len(HOLES)
     from dualbend.recording.geometry import shapes_of
 
     (drawn,) = shapes_of(tapered, tapered.body("pin_outer_left").id)
     vertices = np.array(drawn.vertex_positions.as_arrow_array().to_pylist())
-    pins = result.scenario.assembly.layout.pins
+    pins = result.scenario.task.layout.pins
     # Analytic: foot on the bed, tip at the pin's height, as wide as it is.
     assert np.ptp(vertices[:, 2]) == pytest.approx(pins.height_m, rel=1e-5)
     assert vertices[:, 2].min() == pytest.approx(0.0, abs=1e-8)
@@ -101,7 +101,7 @@ def test_a_tapered_pin_is_drawn_as_high_as_it_is(tmp_path: Path) -> None:
 
 
 def test_holes_are_where_the_sheets_holes_are(recorded: Recorded, result: RunRecord) -> None:
-    layout = result.scenario.assembly.layout
+    layout = result.scenario.task.layout
     shown = range(0, len(STAGES), FRAME_CYCLES)
     flat = [row for row in shown if not result.trace.bends[row].any()]
     assert flat
@@ -169,7 +169,7 @@ def test_commanded_grips_are_carried_as_the_ik_carries_them(
     recorded: Recorded, result: RunRecord
 ) -> None:
     trace = result.trace
-    sent = carried(trace, places(trace), result.scenario.alter.delay_cycles)
+    sent = carried(trace, places(trace), result.scenario.robot.alter.delay_cycles)
     for row in (0, 2 * FRAME_CYCLES, (len(STAGES) - 2) // FRAME_CYCLES * FRAME_CYCLES):
         pose = np.array(
             [
@@ -185,7 +185,7 @@ def test_commanded_grips_are_carried_as_the_ik_carries_them(
 
 
 def test_the_compliance_is_sent_as_late_as_the_robot_takes_it(result: RunRecord) -> None:
-    trace, delay = result.trace, result.scenario.alter.delay_cycles
+    trace, delay = result.trace, result.scenario.robot.alter.delay_cycles
     late = (carried(trace, places(trace), delay) - places(trace))[:, [0, 1, 3]]
     given = np.stack([trace[f"object_deviation_{a}"] for a in ("x", "y", "yaw")], axis=1)
     assert delay == 2

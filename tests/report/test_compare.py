@@ -16,6 +16,7 @@ from dualbend.run.saved import load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 
+FOUR_PIECES = 'path={kind="pieces",pieces=4,end_rad=0.4}'
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
 
 
@@ -28,13 +29,16 @@ def leave(folder: Path, name: str, *settings: str) -> RunRecord:
     return result
 
 
+PIECES = ("path.kind=pieces", "path.pieces=4")
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunRecord, RunRecord]:
     top = tmp_path_factory.mktemp("runs")
     return (
         top,
         leave(top / "one", "fig6"),
-        leave(top / "other", "fig8", "motion.speed_rad_per_s=0.5", "path.pieces=4"),
+        leave(top / "other", "fig8", "motion.speed_rad_per_s=0.5", *PIECES),
     )
 
 
@@ -81,7 +85,7 @@ def test_settings_that_differ_are_all_that_were_set_otherwise(
 ) -> None:
     found = {item.name: (item.a, item.b) for item in compare_runs(*runs).settings}
     assert {name for name in found if not name.startswith("compliance.")} == {
-        *("name", "motion.speed_rad_per_s", "path.interval_rad", "path.pieces")
+        *("name", "motion.speed_rad_per_s", "path.kind", "path.interval_rad", "path.pieces")
     }
     assert found["motion.speed_rad_per_s"] == ("0.4", "0.5")
     assert found["path.pieces"] == ("-", "4")

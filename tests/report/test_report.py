@@ -22,7 +22,7 @@ from dualbend.report.moment import (
     reference_at_ends,
 )
 from dualbend.report.over_time import OverTime
-from dualbend.report.page import chapter, page_of, report, write_report
+from dualbend.report.page import chapter, common_sections, page_of, report, write_report
 from dualbend.report.plot import Axis, Curve, Plot
 from dualbend.report.section import Chapter, Details, Figure, Section, Verdict
 from dualbend.report.sections.settings import settings_of
@@ -92,9 +92,9 @@ def test_a_plate_has_its_shape_too(tmp_path: Path) -> None:
     """
     brief = ("path.end_rad=0.4", "motion.speed_rad_per_s=1.0")
     pauses = ("motion.settle_s=0.1", "motion.hold_s=0.1", "sheet.model=shell")
-    cells = ("sheet.shell.cells_along=8", "sheet.shell.cells_across=2")
+    cells = ("sheet.model.cells_along=8", "sheet.model.cells_across=2")
     run = load_run(leave(tmp_path / "plate", "fig8", *brief, *pauses, *cells))
-    assert run.scenario.sheet.strips.hinges != run.scenario.sheet.sections == 8
+    assert run.scenario.sheet.model.sections == 8
     for row in bending_rows(run)[::3].tolist():
         s, x, z = sheet_points(run, row)
         assert s.shape == x.shape == z.shape == (10,)
@@ -140,8 +140,11 @@ def test_phases_follow_each_other_without_a_gap(top: Path) -> None:
 
 def test_settings_tell_what_differs_from_the_defaults() -> None:
     found = {s.key: s for s in settings_of(load_scenario("fig8", ["sensor.latency_ms=0"]))}
-    assert found["alter.delay_cycles"].changed
-    assert (found["alter.delay_cycles"].value, found["alter.delay_cycles"].default) == ("2", "1")
+    assert found["robot.alter.delay_cycles"].changed
+    assert (found["robot.alter.delay_cycles"].value, found["robot.alter.delay_cycles"].default) == (
+        "2",
+        "1",
+    )
     assert not found["sensor.latency_ms"].changed
     assert found["sheet.length_m"].default == "required"
     # Units that another key chooses.
@@ -232,6 +235,11 @@ def test_runs_beside_each_other_have_one_scale(top: Path) -> None:
     assert len(panels) == 2
     assert panels[0]["x"]["range"] == panels[1]["x"]["range"]
     assert panels[0]["y"]["range"] == panels[1]["y"]["range"]
+
+
+def test_a_task_without_sections_has_the_common_ones(fig8: RunRecord) -> None:
+    titles = [section.title for section in common_sections(fig8) if section is not None]
+    assert titles == ["Metrics", "Phases", "Wrench on both arms"]
 
 
 def test_an_assembly_has_its_own_sections(top: Path) -> None:
@@ -355,7 +363,7 @@ def test_the_summarys_sheet_and_arms_are_shown(fig8: RunRecord, tmp_path: Path) 
 
 def test_misaligned_grips_show_what_leaves_the_plane(top: Path, tmp_path: Path) -> None:
     brief = ("path.end_rad=0.2", "motion.speed_rad_per_s=0.4", "motion.hold_s=0.1")
-    error = ("motion.settle_s=0.3", "misalignment.right.roll_rad=0.02")
+    error = ("motion.settle_s=0.3", "task.misalignment.right.roll_rad=0.02")
     run = load_run(leave(tmp_path / "rolled", "fig6", *brief, *error))
     page = report([run])
     assert ">Misaligned grips</h3>" in page

@@ -9,7 +9,6 @@ from dualbend.run.arm_list import arm_table, judge_arms, table_markdown, table_t
 from dualbend.run.arm_load import sheet_load
 from dualbend.run.known_sheet import known_sheet
 from dualbend.scenario.load import load_scenario
-from dualbend.scenario.path import make_path
 from dualbend.task.bending.run import BendingRun
 from dualbend.validation.cases.runs import ik_residuals
 
@@ -24,11 +23,11 @@ SHORT = (
 @pytest.mark.parametrize(
     "arms",
     [
-        ("arm.model=ur5",),
-        ("arm.model=ur10",),
-        ("arm.model=panda",),
-        ("arm.model=xarm7",),
-        ("arm.left=puma560", "arm.right=ur5"),
+        ("robot.model=ur5",),
+        ("robot.model=ur10",),
+        ("robot.model=panda",),
+        ("robot.model=xarm7",),
+        ("robot.left.model=puma560", "robot.right.model=ur5"),
     ],
 )
 def test_a_shortened_run_completes(arms: tuple[str, ...]) -> None:
@@ -51,7 +50,7 @@ def test_a_shortened_run_completes(arms: tuple[str, ...]) -> None:
 
 
 def test_a_written_scenario_makes_the_run_again() -> None:
-    result = BendingRun(load_scenario("fig6", ["arm.model=panda", *SHORT])).run()
+    result = BendingRun(load_scenario("fig6", ["robot.model=panda", *SHORT])).run()
     import tomllib
 
     import msgspec
@@ -82,7 +81,7 @@ def test_a_written_scenario_makes_the_run_again() -> None:
 def test_an_arm_that_is_too_weak_is_refused_with_both_numbers(
     settings: list[str], words: str
 ) -> None:
-    scenario = load_scenario("fig6", ["arm.model=panda", "sheet.width_m=0.4", *settings])
+    scenario = load_scenario("fig6", ["robot.model=panda", "sheet.width_m=0.4", *settings])
     with pytest.raises(InputError, match=words):
         BendingRun(scenario)
 
@@ -101,7 +100,7 @@ def test_the_load_is_what_the_sheet_asks_for() -> None:
 def test_the_load_of_a_table_is_that_of_its_straight_pieces() -> None:
     """Analytic: rows at the knots make the path of the pieces; a spline has no pieces."""
     pieces = load_scenario("fig6")
-    path = make_path(pieces.path, pieces.sheet.length_m)
+    path = pieces.path.make(pieces.sheet.length_m)
     rows = [[a, *path.at(a)] for a in path.knots.tolist()]
     said = f"kind='table', end_rad={pieces.path.end_rad}, table={rows}"
     straight = load_scenario("fig6", [f"path={{{said}}}"])
@@ -115,8 +114,8 @@ def test_the_load_of_a_table_is_that_of_its_straight_pieces() -> None:
 @pytest.mark.parametrize(
     ("setting", "words"),
     [
-        ("arm.model=ur55", r"arm\.model = 'ur55': must be one of .*'ur5'"),
-        ("arm.right=puma", r"arm\.right = 'puma': must be one of .*'puma560'"),
+        ("robot.model=ur55", r"robot\.model = 'ur55': must be one of .*'ur5'"),
+        ("robot.right.model=puma", r"robot\.right\.model = 'puma': must be one of .*'puma560'"),
         ("cell.home_rad=[0,0,0,0,0,0,0]", r"cell\.home_rad has 7 values.*'puma560' has 6"),
     ],
 )
@@ -126,15 +125,15 @@ def test_bad_arms_are_refused_with_the_choices(setting: str, words: str) -> None
 
 
 def test_seven_stiffnesses_for_seven_joints() -> None:
-    seven = "servo.stiffness_n_m_per_rad=[1e4,1e4,1e4,1e4,2e3,2e3,2e3]"
+    seven = "robot.servo.stiffness_n_m_per_rad=[1e4,1e4,1e4,1e4,2e3,2e3,2e3]"
     with pytest.raises(InputError, match=r"has 7 values, the left arm 'puma560' has 6 joints"):
         load_scenario("fig6", [seven])
-    assert load_scenario("fig6", [seven, "arm.model=panda"]).servo.stiffness_n_m_per_rad
+    assert load_scenario("fig6", [seven, "robot.model=panda"]).robot.servo.stiffness_n_m_per_rad
 
 
 def test_what_is_computed_of_one_arm_refuses_a_mixed_pair() -> None:
     with pytest.raises(InputError, match=r"two of a kind.*puma560 on the left and ur5"):
-        known_sheet(load_scenario("tuned", ["arm.right=ur5"]))
+        known_sheet(load_scenario("tuned", ["robot.right.model=ur5"]))
 
 
 def test_the_table_has_all_arms_with_their_ratings() -> None:
@@ -166,7 +165,7 @@ def test_arms_that_stand_differently_are_judged_as_a_pair_of_one_kind(
     from dualbend.run import arm_list
 
     monkeypatch.setattr(arm_list, "JOINT_COUNT", {"ur5": 6})
-    (row,) = judge_arms("fig6", ["arm.right=panda", "cell.left.base_height_m=0.6"])
+    (row,) = judge_arms("fig6", ["robot.right.model=panda", "cell.left.base_height_m=0.6"])
     rooms = row["room"]
     assert [rooms[side]["arm"] for side in ("left", "right")] == ["ur5", "ur5"]
     assert row["cell"]["base_distance_m"] is None

@@ -9,13 +9,12 @@ from dualbend import Deviation, load_run, load_scenario, write_results
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.errors import InputError
 from dualbend.run.record import Metric, RunRecord
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.task.bending import metrics as bending_metrics
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import Vector
 
-SHORT = ("motion.speed_rad_per_s=1.0", "path.end_rad=0.2", "sheet.strips.hinges=10")
+SHORT = ("motion.speed_rad_per_s=1.0", "path.end_rad=0.2", "sheet.model.hinges=10")
 
 
 def short(name: str = "fig6", *settings: str) -> Scenario:
@@ -86,7 +85,7 @@ def test_the_numbers_are_computed_once_for_summary_and_recording(
 
 def test_a_table_of_the_knots_makes_the_run_of_the_pieces() -> None:
     scenario = short()
-    path = make_path(scenario.path, scenario.sheet.length_m)
+    path = scenario.path.make(scenario.sheet.length_m)
     rows = [[a, *path.at(a)] for a in path.knots.tolist()]
     table = load_scenario(
         "fig6", [*SHORT, "motion.hold_s=0.1", f"path={{kind='table',end_rad=0.2,table={rows}}}"]
@@ -97,9 +96,9 @@ def test_a_table_of_the_knots_makes_the_run_of_the_pieces() -> None:
 @pytest.mark.parametrize(
     ("setting", "text"),
     [
-        ("path.kind=table", "belong together"),
-        ("path={kind='exact',smooth=true}", "smooth = true belongs"),
-        ("path={kind='piecewise',pieces=2,table=[[0,0.2,0],[1,0.1,0.1]]}", "belong together"),
+        ("path.kind=table", '`table`, as kind = "table" needs'),
+        ("path={kind='exact',smooth=true}", 'smooth = True: belongs to kind = "table"'),
+        ("path.table=[[0,0.2,0],[1,0.1,0.1]]", 'belongs to kind = "table", this path is "piece'),
     ],
 )
 def test_a_table_without_its_kind_is_refused(setting: str, text: str) -> None:

@@ -31,7 +31,7 @@ SHORT = (
     "path.end_rad=0.2",
     "motion.settle_s=0.1",
     "motion.hold_s=0.1",
-    "sheet.strips.hinges=10",
+    "sheet.model.hinges=10",
 )
 QUIET = (
     "sensor.force_noise_n=0",
@@ -39,7 +39,7 @@ QUIET = (
     "sensor.force_resolution_n=0",
     "sensor.torque_resolution_nm=0",
 )
-BOTH = ('arms.sensing=["left","right"]', 'arms.complying=["left","right"]')
+BOTH = ('compliance.sensing=["left","right"]', 'compliance.complying=["left","right"]')
 ROTARY = ("compliance.rotation={b=0.5,k=10000,from_alpha_rad=0.05}",)
 
 
@@ -87,8 +87,8 @@ def test_without_noise_the_seed_does_nothing() -> None:
 
 
 def test_a_second_sensor_does_not_change_the_first_ones_noise() -> None:
-    one = run("arms.complying=[]")
-    two = run("arms.complying=[]", BOTH[0])
+    one = run("compliance.complying=[]")
+    two = run("compliance.complying=[]", BOTH[0])
     np.testing.assert_array_equal(
         one.trace["left_sensor_force_x"], two.trace["left_sensor_force_x"]
     )
@@ -121,7 +121,7 @@ def test_the_simulated_time_is_the_physics_own() -> None:
 
 def test_a_sample_of_a_whole_cycle_is_the_one_of_the_row_before() -> None:
     """17 steps against 1: 28 ms apart, the same samples one row later, bit for bit."""
-    quiet = (*QUIET, "arms.complying=[]")
+    quiet = (*QUIET, "compliance.complying=[]")
     prompt = run(*quiet, "sensor.latency_ms=1.75").trace
     late = run(*quiet, "sensor.latency_ms=29.75").trace
     for column in ("left_sensor_force_x", "left_sensor_moment_y"):
@@ -130,7 +130,7 @@ def test_a_sample_of_a_whole_cycle_is_the_one_of_the_row_before() -> None:
 
 @pytest.mark.parametrize("delay", [0, 2])
 def test_a_deviation_is_executed_after_the_transport_delay(delay: int) -> None:
-    trace = run(*ROTARY, f"alter.delay_cycles={delay}").trace
+    trace = run(*ROTARY, f"robot.alter.delay_cycles={delay}").trace
     executed = trace["left_command_alpha"] - trace["nominal_alpha"]
     sent = trace["left_deviation_alpha"]
     assert np.abs(sent).max() > 1e-6
@@ -299,7 +299,7 @@ def test_an_unreachable_cell_is_refused_before_the_run() -> None:
 
 def test_a_deviation_out_of_reach_stops_the_robots() -> None:
     soft = ("compliance.x={b=0.001,k=0.001}", "compliance.limit_x_m=5", *QUIET)
-    result = run(*soft, "alter.delay_cycles=0")
+    result = run(*soft, "robot.alter.delay_cycles=0")
     assert result.outcome == "protective_stop"
     assert "out of reach" in result.reason
 

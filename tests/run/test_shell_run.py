@@ -15,7 +15,7 @@ BRIEF = (
     "motion.settle_s=0.9",
     "motion.hold_s=0.05",
 )
-COARSE = ("sheet.model=shell", "sheet.shell.cells_along=12", "sheet.shell.cells_across=3")
+COARSE = ("sheet.model=shell", "sheet.model.cells_along=12", "sheet.model.cells_across=3")
 
 
 def test_it_runs_in_the_cell_and_the_grippers_carry_it() -> None:

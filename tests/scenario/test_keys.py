@@ -17,6 +17,7 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.schema import scenario_schema, schema_text, shipped_schema
 from dualbend.scenario.template import scenario_text, write_scenario
 from dualbend.scenario.toml_text import number, toml
+from dualbend.task.bending.config import misalignment_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -71,10 +72,11 @@ def test_a_value_reads_back(value: object) -> None:
 
 
 def test_the_sections_hold_every_key_of_the_code() -> None:
-    """Against another source: msgspec's own dictionary of a scenario that has every section."""
+    """Against another source: msgspec's own dictionaries of scenarios that have every section."""
     full = load_scenario(
         "pwb",
         [
+            "compliance.kind=model",
             "compliance.units=sheet",
             "compliance.x={b=1.0,k=1.0,form='static'}",
             "compliance.rotation={b=1.0,k=1.0,form='static'}",
@@ -93,12 +95,18 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
             found |= walk(item, f"{path}{key}.") if isinstance(item, dict) else {f"{path}{key}"}
         return found
 
-    assert full.assembly is not None
-    assert full.assembly.compliance is not None
-    # An assembly has errors of its own, so misalignment is in no scenario beside it.
-    crooked = load_scenario("fig6", ["misalignment={left={},right={}}"]).misalignment
-    held = walk(msgspec.to_builtins(full), "") - {"misalignment"}
-    held |= walk(msgspec.to_builtins(crooked), "misalignment.")
+    held = walk(msgspec.to_builtins(full), "")
+    for kinds in (
+        ["task.misalignment={left={},right={}}"],
+        ["path=piecewise", "filter=iir"],
+        ["path.kind=pieces", "path.pieces=2", "filter=none", "compliance=none"],
+        ["path=approximate", "sheet.model=shell"],
+        ["path.kind=table", "path.table=[[0,0.2,0],[1.1,0.16,0.1]]"],
+    ):
+        held |= walk(msgspec.to_builtins(load_scenario("fig6", kinds)), "") - {
+            *("task.misalignment", "cell.left", "cell.right"),
+            *("compliance.x", "compliance.rotation"),
+        }
     named = {".".join((*s.path, key.name)) for s in sections() for key in s.keys}
     assert named == held
 
@@ -138,9 +146,9 @@ def test_shipped_scenarios_are_valid(name: str) -> None:
         ('extends = "fig6"\nlenght = 1', "lenght"),
         ('extends = "fig6"\n[sheet]\nlenght_m = 0.4', "lenght_m"),
         ('extends = "fig6"\n[sheet]\nlength_m = 4', "maximum"),
-        ('extends = "fig6"\n[alter]\ndelay_cycles = 1.5', "integer"),
+        ('extends = "fig6"\n[robot.alter]\ndelay_cycles = 1.5', "integer"),
         ('extends = "fig6"\n[path]\nkind = "straight"', "straight"),
-        ('extends = "fig6"\n[servo]\nstiffness_n_m_per_rad = [1.0]', "not valid"),
+        ('extends = "fig6"\n[robot.servo]\nstiffness_n_m_per_rad = [1.0]', "not valid"),
         ('extends = "fig6"\nname = "a b"', "a b"),
         ('name = "a"\n[path]', "sheet"),
         ('name = "a"\n[path]\n[sheet]\nlength_m = 0.4', "width_m"),
@@ -163,7 +171,9 @@ def test_the_schema_refuses_what_the_loader_refuses(text: str, words: str, tmp_p
     [
         'extends = "fig8"\nname = "a"\n[compliance]\nx = "none"',
         'extends = "fig9"\n[compliance]\nx = { b = 0.3 }',
-        'extends = "fig6"\n[path]\ninterval_rad = "none"\npieces = 4',
+        'extends = "fig6"\n[path]\nkind = "pieces"\npieces = 4',
+        'extends = "fig6"\nfilter = "none"\n[sheet]\nmodel = "shell"',
+        'extends = "fig6"\n[sheet.model]\nkind = "shell"\ncells_along = 12',
         'extends = "fig6"\nseed = 9',
     ],
 )
@@ -226,31 +236,38 @@ def test_a_new_scenario_names_every_key_and_hides_the_defaults() -> None:
             assert f"\n#{key.name} = " in text or f"\n{key.name} = " in text
     assert max(map(len, text.replace("description = ", "\n").splitlines())) <= 110
     loaded = tomllib.loads(text)
-    by_title = {section.title: section for section in sections()}
+    base = load_scenario("fig6")
+    by_title = {section.title: section for section in sections() if section.of(base) is not None}
     for title in ("motion", "cell", "path"):
         defaults = {key.name: key.default for key in by_title[title].keys}
         for name, value in loaded[title].items():
             assert defaults[name] is REQUIRED or defaults[name] != value
 
 
-@pytest.mark.parametrize("left_off", ["assembly", "misalignment"])
-def test_what_is_switched_on_by_its_header_loads(left_off: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("base", ["fig6", "tuned"])
+def test_what_is_switched_on_by_its_header_loads(base: str, tmp_path: Path) -> None:
     """A section that is off holds values that load when all its comment signs go.
 
-    Of two sections that exclude each other, one stays off.
+    What is of another kind stays off.
     """
-    text = re.sub(r"^#(?=\[)", "", scenario_text("mine"), flags=re.MULTILINE)
+    live = load_scenario(base)
+
+    def of_another_kind(block: str) -> bool:
+        belongs = re.search(r"Of (\w+) with kind = (.*)\.", block.replace("\n# ", " "))
+        if belongs and f'"{getattr(live, belongs.group(1)).kind}"' not in belongs.group(2):
+            return True
+        return "\n#[" in block and "\n#kind = " in block
+
+    blocks = scenario_text("mine", base).split("\n\n")
+    text = "\n\n".join(block for block in blocks if not of_another_kind(block))
+    text = re.sub(r"^#(?=\[)", "", text, flags=re.MULTILINE)
     text = re.sub(HIDDEN, "", text, flags=re.MULTILINE)
-    text = re.sub(rf"^\[{left_off}.*\n(?:(?!\[).*\n)*", "", text, flags=re.MULTILINE)
-    # A schedule, which is among them, has units of its own.
-    text = text.replace('units = "paper"', 'units = "sheet"')
     path = tmp_path / "mine.toml"
     path.write_text(text, encoding="utf-8")
     found = load_scenario(str(path))
     assert found.compliance.x is not None
     assert found.compliance.rotation is not None
-    assert (found.assembly is None) == (left_off == "assembly")
-    assert (found.misalignment is None) == (left_off == "misalignment")
+    assert misalignment_of(found) is not None
 
 
 def test_the_schema_line_prefers_the_file_beside(tmp_path: Path) -> None:

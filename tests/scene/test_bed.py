@@ -208,7 +208,7 @@ def test_the_pins_sensors_tell_the_sum_and_the_largest_of_their_contacts() -> No
     """On the tips, four pins share the weight; each one's force is that of its contacts."""
     scene = fallen(ROUND, 3e-3, 0.0, 0.0)
     scene.pins.peaks()
-    scene.pins.look()
+    scene.pins.on_step()
     net, edge = scene.pins.peaks()
     for i, name in enumerate(HOLES):
         pin = scene.model.geom(f"pin_{name}").id
@@ -228,7 +228,7 @@ def test_peaks_are_the_largest_since_they_were_read() -> None:
     seen = []
     for _ in range(60):
         mujoco.mj_step(scene.model, scene.data)
-        scene.pins.look()
+        scene.pins.on_step()
         read = [scene.data.sensor(f"net_{name}").data.copy() for name in HOLES]
         seen.append(np.linalg.norm(read, axis=1))
     # The blow is over by now: the largest is not the last. Analytic: the same numbers.

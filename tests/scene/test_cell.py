@@ -24,7 +24,7 @@ from dualbend.types import SIDES
 
 Array = NDArray[np.float64]
 JOINTS = scene_joints(6)
-SCENARIO = load_scenario("fig6", ["sheet.strips.hinges=10"])
+SCENARIO = load_scenario("fig6", ["sheet.model.hinges=10"])
 GRASP, STRIPS = SCENARIO.grasp, SCENARIO.sheet.strips
 SHEET = SCENARIO.sheet.sheet()
 WEIGHT_N = SHEET.weight_per_length_n_per_m * SHEET.length_m
@@ -61,9 +61,8 @@ class Cell:
         simulation = Simulation(self.model, self.grasp, self.strips, latency_steps=latency_steps)
         arcs = np.linspace(0.0, self.sheet.length_m, self.strips.hinges + 1)
         slopes = elastica.shape(self.alpha, self.sheet.length_m, arcs)[2]
-        simulation.reset(
-            self.home, self.sheet.thickness_m / 2, slopes, np.array([0.0, 0.0, self.height])
-        )
+        opening, middle = self.sheet.thickness_m / 2, np.array([0.0, 0.0, self.height])
+        simulation.reset(simulation.positions(self.home, opening, slopes, middle))
         return simulation
 
     def hold(self, simulation: Simulation, cycles: int) -> Observation:
@@ -252,7 +251,8 @@ def test_a_weight_that_the_arms_do_not_compensate_is_fed_forward(bent: Cell) -> 
     links = [model.body(f"{side}_link{i}").id for side in SIDES for i in range(2, 7)]
     model.body_gravcomp[links] = 0.0
     simulation = Simulation(model, GRASP, STRIPS)
-    simulation.reset(bent.home, 0.0, np.zeros(STRIPS.hinges + 1), np.array([0.0, 0.0, bent.height]))
+    flat, middle = np.zeros(STRIPS.hinges + 1), np.array([0.0, 0.0, bent.height])
+    simulation.reset(simulation.positions(bent.home, 0.0, flat, middle))
     simulation.data.eq_active[:] = 0
     seen = bent.hold(simulation, 20)
     assert np.abs(seen.torque[[1, 7]]).min() > 20.0  # N m, above the dry friction of 10.6
@@ -467,9 +467,8 @@ def test_the_saved_model_is_the_same_model(bent: Cell) -> None:
         simulation = Simulation(model, GRASP, STRIPS)
         arcs = np.linspace(0.0, SHEET.length_m, STRIPS.hinges + 1)
         slopes = elastica.shape(0.5, SHEET.length_m, arcs)[2]
-        simulation.reset(
-            bent.home, SHEET.thickness_m / 2, slopes, np.array([0.0, 0.0, bent.height])
-        )
+        opening, middle = SHEET.thickness_m / 2, np.array([0.0, 0.0, bent.height])
+        simulation.reset(simulation.positions(bent.home, opening, slopes, middle))
         ends.append(bent.hold(simulation, 10))
     # XML rounds to some 6 digits: the load of a stiff sheet shows that most.
     np.testing.assert_allclose(ends[0].q, ends[1].q, atol=1e-5)
@@ -483,7 +482,7 @@ def test_the_same_cell_twice_is_the_same_model(bent: Cell) -> None:
 
 @pytest.mark.parametrize("hinges", [4, 40])
 def test_the_number_of_strips_is_free(hinges: int) -> None:
-    scenario = load_scenario("fig6", [f"sheet.strips.hinges={hinges}"])
+    scenario = load_scenario("fig6", [f"sheet.model.hinges={hinges}"])
     cell = Cell(0.3, scenario)
     assert scenario.sheet.strips == StripConfig(hinges=hinges)
     seen = cell.hold(cell.simulation(), 5)

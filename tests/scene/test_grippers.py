@@ -17,6 +17,7 @@ from dualbend.scene.bed.mjcf import GRIPPING
 from dualbend.scene.cell import PAD_SITE
 from dualbend.scene.grippers import Grippers
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
+from dualbend.task.assembly.config import assembly_of
 from dualbend.types import SIDES
 
 Array = NDArray[np.float64]
@@ -29,8 +30,7 @@ class Bench:
     """Arms at the stand, a flat sheet upon it."""
 
     def __init__(self) -> None:
-        assert SCENARIO.assembly is not None
-        stand = SCENARIO.assembly.layout.stand
+        stand = assembly_of(SCENARIO).layout.stand
         self.middle = np.array([0.0, stand.y_m, stand.top_m + 0.5 * THICKNESS_M])
         pose = np.array([-0.5 * LENGTH_M, 0.0, 0.0])
         self.cell = RobotCell(SCENARIO, pose, np.array([*self.middle, 0.0]))
@@ -42,9 +42,8 @@ class Bench:
         """Start anew with the sheet this far from where the arms believe it."""
         flat = np.zeros(SCENARIO.sheet.strips.hinges + 1)
         self.cell.response.reset(self.cell.home)
-        self.cell.simulation.reset(
-            self.cell.home, OPEN_M, flat, self.middle + np.array([x, y, 0.0]), yaw
-        )
+        simulation, middle = self.cell.simulation, self.middle + np.array([x, y, 0.0])
+        simulation.reset(simulation.positions(self.cell.home, OPEN_M, flat, middle, yaw))
         self.jaws.reset(OPEN_M)
 
     def go(self, opening: float, cycles: int) -> None:

@@ -219,7 +219,7 @@ def test_an_assembly_must_not_yield_and_takes_its_limit_from_the_sheet() -> None
         load_scenario("pwb", ["sheet.material=5052-H32", "sheet.plastic=true"])
     named = load_scenario("pwb", ["sheet.material=6061-T6"])
     assert named.limit_strain == pytest.approx(276 / 68900)
-    given = load_scenario("pwb", ["sheet.material=6061-T6", "assembly.limits.yield_pa=100e6"])
+    given = load_scenario("pwb", ["sheet.material=6061-T6", "task.limits.yield_pa=100e6"])
     assert given.limit_strain == pytest.approx(100 / 68900)
 
 

@@ -133,8 +133,8 @@ def test_bent_to_a_cylinder_it_is_the_plate() -> None:
 @pytest.mark.parametrize(
     ("scenario", "settings", "reason"),
     [
-        ("fig6", ["sheet.shell.cells_along=21"], "cells_along must be even"),
-        ("fig6", ["sheet.model=plate"], "'shell', 'strips'"),
+        ("fig6", ["sheet.model=shell", "sheet.model.cells_along=21"], "cells_along must be even"),
+        ("fig6", ["sheet.model=plate"], "'strips', 'shell'"),
         ("pwb", ["sheet.model=shell"], "an assembly needs"),
     ],
 )

@@ -99,12 +99,12 @@ def test_no_rest_is_found_where_the_sheet_is_not() -> None:
 def test_both_arms_are_twice_as_stiff_along_x_and_symmetric() -> None:
     one = environments(load_scenario("fig8"), [0.4], at_rest=False)[0].rigid_loops["single"]
     mirrored = environments(
-        load_scenario("fig8", [f"arms.complying={BOTH}"]), [0.4], at_rest=False
+        load_scenario("fig8", [f"compliance.complying={BOTH}"]), [0.4], at_rest=False
     )[0].rigid_loops["symmetric"]
     # Analytic: only the distance between the grips counts.
     assert mirrored[0, 0] == pytest.approx(2.0 * one[0, 0], rel=1e-9)
     each = environments(
-        load_scenario("fig8", [f"arms.complying={BOTH}", f"arms.sensing={BOTH}"]),
+        load_scenario("fig8", [f"compliance.complying={BOTH}", f"compliance.sensing={BOTH}"]),
         [0.4],
         at_rest=False,
     )[0].rigid_loops
@@ -116,14 +116,15 @@ def test_both_arms_are_twice_as_stiff_along_x_and_symmetric() -> None:
 def test_right_arm_alone_is_the_left_arm_alone() -> None:
     left = environments(load_scenario("fig8"), [0.4])[0].loops["single"]
     right = environments(
-        load_scenario("fig8", ['arms.complying=["right"]', 'arms.sensing=["right"]']), [0.4]
+        load_scenario("fig8", ['compliance.complying=["right"]', 'compliance.sensing=["right"]']),
+        [0.4],
     )[0].loops["single"]
     # Analytic but for the solver's tolerance.
     np.testing.assert_allclose(right, left, rtol=1e-6)
 
 
 def test_an_arm_that_follows_the_others_sensor_feels_the_cross_stiffness() -> None:
-    scenario = load_scenario("fig8", ['arms.complying=["right"]'])
+    scenario = load_scenario("fig8", ['compliance.complying=["right"]'])
     stiffness = np.arange(36.0).reshape(6, 6)
     # Analytic: force x and moment of the left, displaced by the right.
     np.testing.assert_array_equal(
@@ -132,13 +133,13 @@ def test_an_arm_that_follows_the_others_sensor_feels_the_cross_stiffness() -> No
 
 
 def test_tool_mode_moves_along_the_grip_and_a_wrong_lever_mixes_forces_in() -> None:
-    scenario = load_scenario("fig8", ['alter.mode="tool"', "sensor.lever_arm_m=0.10"])
+    scenario = load_scenario("fig8", ['robot.alter.mode="tool"', "sensor.lever_arm_m=0.10"])
     coupling = scenario_coupling(scenario, 0.5)
     c, s = math.cos(0.5), math.sin(0.5)
     # Analytic: x_G = (cos α, −sin α), and M_read = M + 0.02 (x_G × F)_y.
     np.testing.assert_allclose(coupling.deviation_jacobian[:, 0], [c, -s, 0.0])
     np.testing.assert_allclose(coupling.reading[1], [-0.02 * s, -0.02 * c, 1.0], rtol=1e-12)
-    frozen = scenario_coupling(load_scenario("fig8", ['alter.mode="tool-frozen"']), 0.5)
+    frozen = scenario_coupling(load_scenario("fig8", ['robot.alter.mode="tool-frozen"']), 0.5)
     np.testing.assert_allclose(frozen.deviation_jacobian[:, 0], [1.0, 0.0, 0.0], atol=1e-15)
 
 

@@ -94,7 +94,8 @@ def test_a_stiff_arm_in_small_steps_does_what_the_response_says() -> None:
     growth = []
     for step_s in (0.00175, 0.000875):
         scenario = load_scenario(
-            "fig9", [f"physics.step_s={step_s}", "sensor.latency_ms=10.5", "servo.damping_ratio=1"]
+            "fig9",
+            [f"physics.step_s={step_s}", "sensor.latency_ms=10.5", "robot.servo.damping_ratio=1"],
         )
         elements = LoopElements.from_scenario(scenario)
         (at,) = environments(scenario, [0.3])

@@ -55,7 +55,9 @@ def test_fig9_is_predicted_unstable_at_first_as_the_simulation_is() -> None:
 
 def test_a_looser_loop_is_more_stable_and_more_delay_less() -> None:
     radius = {
-        delay: predict(load_scenario("fig8", [f"alter.delay_cycles={delay}"])).rows[0].gain_margin
+        delay: predict(load_scenario("fig8", [f"robot.alter.delay_cycles={delay}"]))
+        .rows[0]
+        .gain_margin
         for delay in (0, 2, 4)
     }
     assert radius[0] > radius[2] > radius[4]
@@ -80,7 +82,7 @@ def test_axes_come_in_at_their_own_angles() -> None:
 @pytest.mark.parametrize(
     ("settings", "axis", "reason"),
     [
-        (["arms.complying=[]"], "coupled", "no compliance: nothing to be unstable"),
+        (["compliance.complying=[]"], "coupled", "no compliance: nothing to be unstable"),
         (["path.end_rad=0.1"], "x", "acts from 0.2 rad on and the path ends at 0.1"),
     ],
 )
@@ -165,7 +167,7 @@ def test_the_map_is_written_or_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "setting", ["compliance.x.k=-1.0", "alter.delay_cycles=1.5", "compliance.x.b=0"]
+    "setting", ["compliance.x.k=-1.0", "robot.alter.delay_cycles=1.5", "compliance.x.b=0"]
 )
 def test_bad_input_is_refused(setting: str) -> None:
     code, _ = call("fig9", "--set", setting)

@@ -17,7 +17,7 @@ from dualbend.control.compliance.admittance import (
     AxisConfig,
 )
 from dualbend.control.delay import TransportDelay
-from dualbend.control.filters import LowPass, LowPassConfig
+from dualbend.control.filters import FirConfig, IirConfig, LowPass, LowPassConfig, NoFilterConfig
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
@@ -54,7 +54,7 @@ def elements(
     )
     return LoopElements(
         response=CommandResponse(robot, 1, STEPS),
-        low_pass=LowPass(low_pass or LowPassConfig(kind="none"), 1),
+        low_pass=LowPass(low_pass or NoFilterConfig(), 1),
         delay=TransportDelay(delay, 1),
         admittance=Admittance(config),
         age_steps=age,
@@ -88,7 +88,7 @@ def stream(
     return np.array(out)
 
 
-@pytest.mark.parametrize("low_pass", [None, LowPassConfig(taps=3), LowPassConfig(kind="iir")])
+@pytest.mark.parametrize("low_pass", [None, FirConfig(taps=3), IirConfig()])
 @pytest.mark.parametrize(("delay", "age"), [(0, 0), (0, 1), (2, 5), (1, STEPS), (3, 2 * STEPS + 3)])
 @pytest.mark.parametrize("form", ["printed", "impulse-invariant", "static"])
 def test_state_space_responds_as_the_streaming_objects_do(
@@ -187,7 +187,7 @@ def test_a_zero_order_hold_would_bear_more_and_small_damping_bears_less() -> Non
 def test_gain_margin_is_the_factor_that_puts_an_eigenvalue_on_the_circle(
     acting: tuple[bool, bool], scale: float
 ) -> None:
-    parts = elements(delay=2, age=3, low_pass=LowPassConfig(taps=2))
+    parts = elements(delay=2, age=3, low_pass=FirConfig(taps=2))
     stiffness = scale * np.array([[10.0, 4.0], [6.0, 9.0]])
     loop = SampledLoop(parts, stiffness, acting)
     found = loop_margins(loop, stable=loop.mode().stable)
@@ -242,7 +242,7 @@ def test_a_scenario_gives_the_age_that_the_simulation_has(latency_ms: float, age
     parts = LoopElements.from_scenario(scenario)
     # Golden: at 1.75 ms, and never younger than one step.
     assert parts.age_steps == age
-    assert parts.delay.cycles == scenario.alter.delay_cycles
+    assert parts.delay.cycles == scenario.robot.alter.delay_cycles
     assert parts.response.steps == 16
     assert parts.acting("coupled", 0.1) == (False, False)
     assert parts.acting("x", 0.2) == (True, False)

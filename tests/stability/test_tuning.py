@@ -42,7 +42,7 @@ def test_a_piece_shorter_than_a_cycle_has_no_peak_of_its_own() -> None:
     scenario = load_scenario(
         "tuned",
         [
-            "path={kind='piecewise',pieces=20,end_rad=0.1}",
+            "path={kind='pieces',pieces=20,end_rad=0.1}",
             "motion.speed_rad_per_s=1.0",
             "motion.hold_s=0",
         ],

@@ -2,16 +2,7 @@
 
 import itertools
 import json
-import math
-import os
 import shlex
-import signal
-import subprocess
-import sys
-import time
-from collections import Counter
-from collections.abc import Callable
-from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
@@ -19,228 +10,43 @@ import msgspec
 import numpy as np
 import pytest
 
-from dualbend.errors import DualbendError, InputError
-from dualbend.scenario.assembly import ErrorsConfig, SpreadConfig
+from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
-from dualbend.scenario.scenario import Scenario
 from dualbend.scene.simulation import Observation, Simulation
-from dualbend.study.robustness import run as robustness_study
 from dualbend.study.robustness.figure import misalignment_bins, plot_success
-from dualbend.study.robustness.run import RUNS, SCENARIO, STUDY, run_study
+from dualbend.study.robustness.run import SCENARIO, run_study
 from dualbend.study.robustness.summary import command, success_interval, summarise, table
-from dualbend.study.robustness.trial import (
-    NOT_SEATED,
-    Trial,
-    assembly_of,
-    cause_of,
-    draw,
-    misalignment,
-    run_one,
-    trial,
-    without_compliance,
-)
-from support.robustness_stand_in import CALLS, PWB, dying, stand_in
-
-
-def with_errors(**errors: float) -> Scenario:
-    changed = msgspec.structs.replace(assembly_of(PWB), errors=ErrorsConfig(**errors))
-    return msgspec.structs.replace(PWB, assembly=changed)
+from dualbend.study.robustness.trial import NOT_SEATED, Trial, cause_of, run_one, trial
+from dualbend.task.assembly.draws import draw, without_compliance
+from support.stand_in import PWB, a_trial, never
 
 
 def trials(n: int = 40) -> list[Trial]:
-    return [stand_in(PWB, 7, index, case) for index in range(n) for case in (True, False)]
-
-
-class InProcess(Executor):
-    """Runs at once, where the processes are not what is tested: each takes a second to start."""
-
-    def __init__(self, *args: object, **kwargs: object) -> None:
-        pass
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        future.set_result(fn(*args, **kwargs))
-        return future
-
-
-@pytest.fixture
-def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(robustness_study, "ProcessPoolExecutor", InProcess)
-
-
-# -- draws ---------------------------------------------------------------------------------------
-
-
-def test_draws_have_the_spread_that_the_scenario_gives() -> None:
-    """Statistical, n = 2000: a mean is within 4 σ/√n, a standard deviation within 4/√(2n) = 6 %."""
-    n, spread = 2000, SpreadConfig()
-    drawn = [assembly_of(draw(PWB, 3, i)) for i in range(n)]
-    errors = {
-        name: np.array([getattr(d.errors, name) for d in drawn])
-        for name in ErrorsConfig.__struct_fields__
-    }
-    for name in ("pickup_x_m", "pickup_y_m", "pickup_yaw_rad"):
-        sigma = getattr(spread, name)
-        assert abs(errors[name].mean()) < 4.0 * sigma / math.sqrt(n)
-        assert errors[name].std() == pytest.approx(sigma, rel=4.0 / math.sqrt(2 * n))
-    for name in ("thickness", "modulus", "friction"):
-        sigma, factor = getattr(spread, name), errors[f"{name}_factor"]
-        assert abs(factor.mean() - 1.0) < 4.0 * sigma / math.sqrt(n)
-        # A log-normal's tail is heavier: 20 % makes the deviation's own error 1.2 times larger.
-        assert factor.std() == pytest.approx(sigma, rel=1.2 * 4.0 / math.sqrt(2 * n))
-        assert factor.min() > 0.0
-    holes = np.array([d.layout.holes.errors_m for d in drawn])
-    assert holes.std() == pytest.approx(spread.hole_m, rel=4.0 / math.sqrt(16 * n))
-    # What is drawn apart is independent: a correlation is within 4/√n.
-    columns = np.column_stack((*errors.values(), holes.reshape(n, -1)))
-    correlation = np.corrcoef(columns.T) - np.eye(columns.shape[1])
-    assert np.abs(correlation).max() < 4.0 / math.sqrt(n)
-
-
-def test_the_robots_believe_what_they_believed() -> None:
-    """Analytic: only the truth, and the noise's seed, differ from the scenario."""
-    drawn = draw(PWB, 1, 5)
-    config, nominal = assembly_of(drawn), assembly_of(PWB)
-    replace = msgspec.structs.replace
-    holes = replace(config.layout.holes, errors_m=nominal.layout.holes.errors_m)
-    believed = replace(config, errors=nominal.errors, layout=replace(config.layout, holes=holes))
-    assert replace(drawn, assembly=believed, seed=PWB.seed) == PWB
-    true, sheet = config.errors.true_sheet(PWB.sheet.sheet()), PWB.sheet.sheet()
-    factor = config.errors.thickness_factor
-    assert true.mass_kg / sheet.mass_kg == pytest.approx(factor, rel=1e-12)
-    assert true.bending_stiffness_nm2 / sheet.bending_stiffness_nm2 == pytest.approx(
-        config.errors.modulus_factor * factor**3, rel=1e-12
-    )
-
-
-def test_a_draw_depends_on_its_own_number_and_on_no_other_width() -> None:
-    """Analytic: the same draw, alone or among many; draws of other numbers and seeds differ."""
-    assert draw(PWB, 1, 5) == draw(PWB, 1, 5)
-    seen = {msgspec.json.encode(draw(PWB, seed, i)) for seed in (1, 2) for i in range(20)}
-    assert len(seen) == 40
-    spread = msgspec.structs.replace(assembly_of(PWB).spread, pickup_x_m=0.0, friction=0.0)
-    narrow = msgspec.structs.replace(assembly_of(PWB), spread=spread)
-    errors = assembly_of(draw(msgspec.structs.replace(PWB, assembly=narrow), 1, 5)).errors
-    wide = assembly_of(draw(PWB, 1, 5)).errors
-    assert errors == msgspec.structs.replace(wide, pickup_x_m=0.0, friction_factor=1.0)
-
-
-def test_errors_that_the_scenario_has_stay_the_mean() -> None:
-    """Analytic: an offset is added, a factor multiplied."""
-    base, moved = PWB, with_errors(pickup_y_m=1e-3, modulus_factor=1.5)
-    plain, errors = (assembly_of(draw(s, 1, 2)).errors for s in (base, moved))
-    assert errors.pickup_y_m - plain.pickup_y_m == pytest.approx(1e-3, rel=1e-12)
-    assert errors.modulus_factor / plain.modulus_factor == pytest.approx(1.5, rel=1e-12)
-    assert errors.pickup_x_m == plain.pickup_x_m
-
-
-def test_misalignment_is_the_distance_of_the_worst_hole() -> None:
-    """Analytic: a shift moves all holes alike, a turn the outer ones by 2 s₁ sin(ψ/2)."""
-    assert misalignment(with_errors(pickup_x_m=3e-4, pickup_y_m=-4e-4)) == pytest.approx(5e-4)
-    turned = with_errors(pickup_yaw_rad=0.01)
-    assert misalignment(turned) == pytest.approx(2.0 * 0.14 * math.sin(0.005), rel=1e-9)
-    both = with_errors(pickup_yaw_rad=0.01, pickup_y_m=1e-3)
-    assert misalignment(both) == pytest.approx(1e-3 + 0.14 * math.sin(0.01), rel=1e-3)
-
-
-@pytest.mark.parametrize("name", SpreadConfig.__struct_fields__)
-def test_a_negative_width_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match=rf"assembly\.spread\.{name} = -0\.1"):
-        load_scenario("pwb", [f"assembly.spread.{name}=-0.1"])
+    return [a_trial(PWB, 7, index, case) for index in range(n) for case in (True, False)]
 
 
 # -- the study -----------------------------------------------------------------------------------
 
 
-def test_rows_do_not_depend_on_the_number_of_workers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Analytic: identical rows, each run once, in one thread."""
-    calls = tmp_path / "calls"
-    monkeypatch.setenv(CALLS, str(calls))
-    alone = run_study(PWB, tmp_path / "one", runs=4, seed=7, workers=1, run=stand_in)
-    assert alone == run_study(PWB, tmp_path / "two", runs=4, seed=7, workers=2, run=stand_in)
-    assert Counter(calls.read_text().splitlines()) == {
-        f"{index} {case} 1": 2 for index in range(4) for case in (True, False)
-    }
-    monkeypatch.delenv(CALLS)
-    assert alone == trials(4)
-    kept = [(tmp_path / name / RUNS).read_text().splitlines() for name in ("one", "two")]
-    assert sorted(kept[0]) == sorted(kept[1])
-
-
 @pytest.mark.usefixtures("in_process")
-def test_what_is_done_is_not_repeated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A study that is continued has the same rows; a line that was cut off is run again."""
-    calls, folder = tmp_path / "calls", tmp_path / "study"
-    run_study(PWB, folder, runs=3, seed=7, run=stand_in)
-    runs = folder / RUNS
-    lines = runs.read_bytes().splitlines(keepends=True)
-    runs.write_bytes(b"".join(lines[:4]) + lines[4][:50])
-    monkeypatch.setenv(CALLS, str(calls))
-    told: list[tuple[int, int]] = []
-    found = run_study(PWB, folder, runs=3, seed=7, run=stand_in, on_trial=lambda *n: told.append(n))
-    monkeypatch.delenv(CALLS)
-    assert found == trials(3)
-    assert len(calls.read_text().splitlines()) == 2
-    assert told == [(4, 6), (5, 6), (6, 6)]
-    # Complete: no process is started, and fewer draws are the first ones.
-    assert run_study(PWB, folder, runs=2, seed=7, run=dying) == trials(2)
+def test_what_is_done_is_not_repeated(tmp_path: Path) -> None:
+    """Analytic: the trials by draw, with compliance first; fewer draws are the first ones."""
+    assert run_study(PWB, tmp_path, runs=3, seed=7, run=a_trial) == trials(3)
+    assert run_study(PWB, tmp_path, runs=2, seed=7, run=never) == trials(2)
+    assert run_study(PWB, tmp_path, runs=4, seed=7, run=a_trial) == trials(4)
 
 
 @pytest.mark.usefixtures("in_process")
 def test_the_folder_of_another_study_is_refused(tmp_path: Path) -> None:
-    run_study(PWB, tmp_path, runs=1, seed=7, run=stand_in)
+    run_study(PWB, tmp_path, runs=1, seed=7, run=a_trial)
     for scenario, seed, what in (
         (PWB, 8, "another seed .*seed = 7, now 8"),
-        (with_errors(pickup_x_m=1e-3), 7, "another scenario"),
+        (load_scenario("pwb", ["task.errors.pickup_x_m=1e-3"]), 7, "another scenario"),
     ):
         with pytest.raises(InputError, match=what):
-            run_study(scenario, tmp_path, runs=1, seed=seed, run=stand_in)
-    with (tmp_path / RUNS).open("a") as file:
-        file.write("{}\n")
-    with pytest.raises(InputError, match="line 3 is no trial"):
-        run_study(PWB, tmp_path, runs=1, seed=7, run=stand_in)
-    (tmp_path / STUDY).write_text("{")
-    with pytest.raises(InputError, match="no valid JSON"):
-        run_study(PWB, tmp_path, runs=1, seed=7, run=stand_in)
-    with pytest.raises(InputError, match="has no assembly"):
-        run_study(load_scenario("fig8"), tmp_path / "other", runs=1, run=stand_in)
-
-
-def test_a_worker_that_dies_leaves_what_was_done(tmp_path: Path) -> None:
-    with pytest.raises(DualbendError, match="a worker process died"):
-        run_study(PWB, tmp_path, runs=2, seed=7, workers=1, run=dying)
-    assert run_study(PWB, tmp_path, runs=1, seed=7, run=dying) == trials(1)
-
-
-@pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
-def test_an_interrupt_keeps_what_is_done_and_ends_the_workers(tmp_path: Path) -> None:
-    """Ctrl-C reaches the whole process group: nothing but one KeyboardInterrupt comes of it."""
-    code = (
-        "import sys, pathlib; sys.path.insert(0, sys.argv[1])\n"
-        "if __name__ == '__main__':\n"
-        "    from support.robustness_stand_in import PWB, slow\n"
-        "    from dualbend.study.robustness.run import run_study\n"
-        "    try:\n"
-        "        run_study(PWB, pathlib.Path(sys.argv[2]), runs=3, seed=7, run=slow)\n"
-        "    except KeyboardInterrupt:\n"
-        "        sys.exit(130)\n"
-    )
-    script, folder = tmp_path / "script.py", tmp_path / "study"
-    script.write_text(code)
-    args = [sys.executable, str(script), str(Path(__file__).parents[1]), str(folder)]
-    study = subprocess.Popen(args, stderr=subprocess.PIPE, start_new_session=True)
-    for _ in range(600):
-        if (folder / RUNS).exists() and (folder / RUNS).read_text().count("\n") == 2:
-            break
-        time.sleep(0.1)
-    asked = time.monotonic()
-    os.killpg(study.pid, signal.SIGINT)
-    _, errors = study.communicate(timeout=30)
-    assert (study.returncode, errors) == (130, b"")
-    assert time.monotonic() - asked < 20.0  # the runs would last for a minute
-    assert run_study(PWB, folder, runs=1, seed=7, run=dying) == trials(1)
+            run_study(scenario, tmp_path, runs=1, seed=seed, run=a_trial)
+    with pytest.raises(InputError, match=r"task\.kind"):
+        run_study(load_scenario("fig8"), tmp_path / "other", runs=1, run=a_trial)
 
 
 # -- one real run --------------------------------------------------------------------------------
@@ -249,7 +55,7 @@ def test_an_interrupt_keeps_what_is_done_and_ends_the_workers(tmp_path: Path) ->
 @pytest.fixture(scope="module")
 def stopped() -> Trial:
     """A run that ends early, in the grasp: the sheet lies too far off for a jaw to reach it."""
-    scenario = load_scenario("pwb", ["assembly.errors.pickup_x_m=0.03"])
+    scenario = load_scenario("pwb", ["task.errors.pickup_x_m=0.03"])
     return run_one(scenario, 1, 0, True)
 
 
@@ -264,7 +70,7 @@ def test_a_real_run_says_in_which_phase_it_failed_and_why(stopped: Trial) -> Non
 
 def test_the_command_makes_the_same_run_again(stopped: Trial, tmp_path: Path) -> None:
     """Analytic: its words, loaded, are the drawn scenario."""
-    base = load_scenario("pwb", ["assembly.errors.pickup_x_m=0.03"])
+    base = load_scenario("pwb", ["task.errors.pickup_x_m=0.03"])
     (tmp_path / SCENARIO).write_text(base.to_toml(), encoding="utf-8")
     rigid = msgspec.structs.replace(stopped, compliance=False)
     for case, expected in (
@@ -353,7 +159,7 @@ def test_the_summary_counts_and_compares_the_same_draws(tmp_path: Path) -> None:
 def test_a_scenario_without_compliance_has_one_case(tmp_path: Path) -> None:
     """Analytic: there is nothing to compare, and no pair."""
     rigid = without_compliance(PWB)
-    rows = run_study(rigid, tmp_path, runs=2, seed=7, run=stand_in)
+    rows = run_study(rigid, tmp_path, runs=2, seed=7, run=a_trial)
     assert [row.compliance for row in rows] == [False, False]
     found = summarise(rigid, 7, rows, tmp_path)
     assert (list(found["compliance"]), found["pairs"]) == (["without"], None)

@@ -1,13 +1,6 @@
 """A sweep's runs: kept, gone on with, never repeated, the same whoever makes them."""
 
-import os
-import signal
-import subprocess
-import sys
-import time
-from collections import Counter
-from collections.abc import Callable
-from concurrent.futures import Executor, Future
+from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +10,16 @@ from click.testing import CliRunner
 from dualbend.cli import main
 from dualbend.errors import InputError
 from dualbend.scene.simulation import Observation, Simulation
-from dualbend.study.engine import RUNS, STUDY
-from dualbend.study.sweep import run as sweep_module
+from dualbend.study.engine import Lost, Place
+from dualbend.study.folder import RUNS
+from dualbend.study.processes import in_processes
 from dualbend.study.sweep.design import make_design
 from dualbend.study.sweep.file import SCENARIO, load_sweep
 from dualbend.study.sweep.report import write_report
 from dualbend.study.sweep.row import RunRow, run_row
-from dualbend.study.sweep.run import DIED, RunOne, locally, run_sweep
+from dualbend.study.sweep.run import RunOne, run_sweep
 from dualbend.study.sweep.table import TABLE
-from support.sweep_stand_in import CALLS, deadly, never, stand_in, unlucky
+from support.stand_in import a_sweeps_run, never
 
 TEXT = """
 scenario = "fig8"
@@ -48,36 +42,15 @@ sheet.length_m = { values = [0.4, 0.35, 0.4, 0.35] }
 """
 
 
-class InProcess(Executor):
-    """Runs at once, where the processes are not what is tested: each takes a second to start."""
-
-    def __init__(self, *args: object, **kwargs: object) -> None:
-        pass
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        future.set_result(fn(*args, **kwargs))
-        return future
-
-
-@pytest.fixture
-def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep_module, "ProcessPoolExecutor", InProcess)
-
-
-@pytest.fixture
-def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    path = tmp_path / "calls"
-    monkeypatch.setenv(CALLS, str(path))
-    return path
+LOCAL = in_processes(2)
 
 
 def go(
     folder: Path,
     run: RunOne,
-    workers: int = 2,
+    place: Place = LOCAL,
     text: str = TEXT,
-    on_run: Callable[[int, int, str], None] = lambda *_: None,
+    on_run: Callable[[int, int, RunRow | None], None] = lambda *_: None,
 ) -> list[RunRow]:
     """Make a sweep in ``folder``, its file beside it, and its table."""
     file = folder.with_suffix(".toml")
@@ -85,35 +58,28 @@ def go(
     file.write_text(text)
     sweep = load_sweep(file)
     design = make_design(sweep)
-    rows = run_sweep(sweep, design, folder, locally(workers), run=run, on_run=on_run)
+    rows = run_sweep(sweep, design, folder, place, run=run, on_run=on_run)
     write_report(sweep, design, rows, folder)
     return rows
-
-
-def test_a_table_does_not_depend_on_the_number_of_workers(tmp_path: Path, calls: Path) -> None:
-    """Analytic: byte for byte the same, each run once, in one thread."""
-    alone = go(tmp_path / "one" / "s", stand_in, workers=1)
-    assert alone == go(tmp_path / "two" / "s", stand_in, workers=2)
-    tables = [(tmp_path / name / "s" / TABLE).read_bytes() for name in ("one", "two")]
-    assert tables[0] == tables[1]
-    assert Counter(calls.read_text().splitlines()) == {f"{i} 1": 2 for i in range(6)}
-    assert [row.index for row in alone] == list(range(6))
 
 
 @pytest.mark.usefixtures("in_process")
 def test_what_is_done_is_not_repeated(tmp_path: Path, calls: Path) -> None:
     """Analytic: of six runs three are kept, one was cut off; three are made again, no other."""
     folder = tmp_path / "s"
-    rows = go(folder, stand_in)
+    rows = go(folder, a_sweeps_run)
     table = (folder / TABLE).read_bytes()
     lines = (folder / RUNS).read_bytes().splitlines(keepends=True)
     (folder / RUNS).write_bytes(b"".join(lines[:3]) + lines[3][:20])
     calls.unlink()
-    told: list[tuple[int, int, str]] = []
-    assert go(folder, stand_in, on_run=lambda *n: told.append(n)) == rows
+    told: list[tuple[int, int, RunRow | None]] = []
+    assert go(folder, a_sweeps_run, on_run=lambda *n: told.append(n)) == rows
     assert [line.split()[0] for line in calls.read_text().splitlines()] == ["3", "4", "5"]
     assert [(done, total) for done, total, _ in told] == [(3, 6), (4, 6), (5, 6), (6, 6)]
-    assert [outcome for *_, outcome in told] == ["", "completed", *2 * ["protective_stop"]]
+    assert [row and row.outcome for *_, row in told] == [
+        *(None, "completed"),
+        *2 * ["protective_stop"],
+    ]
     # Finished: no run is made, table and pictures are.
     (folder / TABLE).unlink()
     assert go(folder, never) == rows
@@ -124,7 +90,7 @@ def test_what_is_done_is_not_repeated(tmp_path: Path, calls: Path) -> None:
 @pytest.mark.usefixtures("in_process")
 def test_the_folder_of_another_sweep_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "s"
-    go(folder, stand_in)
+    go(folder, a_sweeps_run)
     for change, what in (
         (("0.4", "0.39"), "holds a sweep of another sweep; give another folder"),
         (('"fig8"', '"tuned"'), "holds a sweep of another scenario; give another folder"),
@@ -135,30 +101,6 @@ def test_the_folder_of_another_sweep_is_refused(tmp_path: Path) -> None:
     # A comment, or other metrics to show, are not another sweep.
     go(folder, never, text='# gains\nmetrics = ["peak_moment_by_piece[1]"]\n' + TEXT)
     assert (folder / "heat_peak_moment_by_piece_1.png").exists()
-    (folder / STUDY).write_text("{")
-    with pytest.raises(InputError, match="no valid JSON"):
-        go(folder, never)
-    (folder / STUDY).unlink()
-    with pytest.raises(InputError, match="whose runs are they"):
-        go(folder, never)
-
-
-@pytest.mark.usefixtures("in_process")
-def test_one_process_at_a_time_writes_a_folder(tmp_path: Path) -> None:
-    """Analytic: the second is refused while the first runs, and not after it."""
-    refused: list[str] = []
-
-    def again(done: int, total: int, outcome: str) -> None:
-        if done == 3:
-            try:
-                go(tmp_path / "s", stand_in)
-            except InputError as error:
-                refused.append(str(error))
-
-    go(tmp_path / "s", stand_in, on_run=again)
-    assert len(refused) == 1
-    assert "another process is writing to it" in refused[0]
-    go(tmp_path / "s", never)
 
 
 @pytest.mark.usefixtures("in_process")
@@ -170,58 +112,13 @@ def test_a_sweep_that_is_refused_as_a_whole_leaves_no_folder(tmp_path: Path) -> 
     assert not (tmp_path / "s").exists()
 
 
-# -- processes that die --------------------------------------------------------------------------
+def test_a_run_that_is_lost_is_a_row(tmp_path: Path) -> None:
+    def losing(tasks: Mapping[int, Any], _: object) -> Generator[tuple[int, Lost]]:
+        yield from ((index, Lost("its process died")) for index in tasks)
 
-
-@pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
-def test_a_run_that_kills_its_process_is_a_row(tmp_path: Path, calls: Path) -> None:
-    """Analytic: it is tried once more, alone; the others are not lost."""
-    rows = go(tmp_path / "s", deadly, workers=1)
-    assert (rows[3].outcome, rows[3].reason, rows[3].metrics) == ("error", DIED, {})
-    assert [row.outcome for row in rows if row.index != 3] == [
-        *3 * ["completed"],
-        *2 * ["protective_stop"],
-    ]
+    rows = go(tmp_path / "s", never, losing)
+    assert {(row.outcome, row.reason) for row in rows} == {("error", "its process died")}
     assert go(tmp_path / "s", never) == rows
-
-
-@pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
-def test_a_process_that_is_killed_from_outside_costs_no_run(tmp_path: Path, calls: Path) -> None:
-    """Analytic: the table of a sweep that nothing happened to."""
-    rows = go(tmp_path / "s", unlucky, workers=1)
-    assert calls.with_suffix(".killed").exists()
-    assert [row.outcome for row in rows] == [*4 * ["completed"], *2 * ["protective_stop"]]
-
-
-@pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
-@pytest.mark.usefixtures("in_process")
-def test_a_sweep_killed_half_way_repeats_nothing(tmp_path: Path, calls: Path) -> None:
-    """Analytic: what was on disk is not run again, the rest once; the table is a whole one's.
-
-    Only the parent is killed: its workers, whose runs would last for a minute, end with it.
-    """
-    code = (
-        "import sys, pathlib; sys.path.insert(0, sys.argv[1])\n"
-        "if __name__ == '__main__':\n"
-        "    from study.test_sweep import go\n"
-        "    from support.sweep_stand_in import slow\n"
-        "    go(pathlib.Path(sys.argv[2]), slow)\n"
-    )
-    script, folder = tmp_path / "script.py", tmp_path / "s"
-    script.write_text(code)
-    args = [sys.executable, str(script), str(Path(__file__).parents[1]), str(folder)]
-    study = subprocess.Popen(args, stderr=subprocess.PIPE)
-    for _ in range(600):
-        if (folder / RUNS).exists() and (folder / RUNS).read_text().count("\n") == 2:
-            break
-        time.sleep(0.1)
-    study.kill()
-    study.communicate(timeout=30)  # until nobody holds the pipe
-    assert study.returncode == -signal.SIGKILL
-    rows = go(folder, stand_in)
-    assert sorted(line.split()[0] for line in calls.read_text().splitlines()) == list("012345")
-    assert rows == go(tmp_path / "whole" / "s", stand_in)
-    assert (folder / TABLE).read_bytes() == (tmp_path / "whole" / "s" / TABLE).read_bytes()
 
 
 # -- real runs -----------------------------------------------------------------------------------

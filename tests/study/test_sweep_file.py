@@ -94,7 +94,7 @@ def test_a_normal_distribution_without_limits_is_finite_everywhere(end: float) -
 @given(sizes=st.lists(st.integers(1, 4), min_size=1, max_size=3))
 def test_a_grid_has_the_product_of_its_keys_without_repetition(sizes: list[int]) -> None:
     """Analytic: every combination once, the last key fastest."""
-    names = ["alter.delay_cycles", "filter.taps", "seed"][: len(sizes)]
+    names = ["robot.alter.delay_cycles", "filter.taps", "seed"][: len(sizes)]
     sweep = in_memory("grid", {n: {"values": list(range(1, k + 1))} for n, k in zip(names, sizes)})  # noqa: B905
     rows = make_design(sweep).rows
     assert len(rows) == len(set(rows)) == math.prod(sizes)
@@ -111,7 +111,7 @@ def test_one_seed_makes_one_sample(seed: int, n: int, kind: str) -> None:
     """Analytic: the same file, the same runs; a run's noise does not depend on the others."""
     keys = {
         "sheet.young_pa": {"distribution": "uniform", "min": 1e9, "max": 2e9},
-        "alter.delay_cycles": {"min": 0, "max": 3, "steps": 4},
+        "robot.alter.delay_cycles": {"min": 0, "max": 3, "steps": 4},
     }
     sample = {"n": n, "seed": seed, "noise": "each"}
     first, again = (make_design(in_memory(kind, keys, **sample)) for _ in range(2))
@@ -179,14 +179,17 @@ def test_the_crossed_samples_take_one_key_of_the_other(n: int, d: int, seed: int
 # -- the file ------------------------------------------------------------------------------------
 
 GRID = {"kind": "grid"}
-DELAY = {"alter": {"delay_cycles": {"values": [1, 2]}}}
+DELAY = {"robot": {"alter": {"delay_cycles": {"values": [1, 2]}}}}
 
 
 def test_dots_in_and_out_of_quotes_are_the_same(tmp_path: Path) -> None:
     plain = load(tmp_path, sample=GRID, keys=DELAY)[1]
-    assert plain == load(tmp_path, sample=GRID, keys={"alter.delay_cycles": {"values": [1, 2]}})[1]
-    assert plain.names == ("alter.delay_cycles",)
-    assert plain.settings(1) == ("alter.delay_cycles=2",)
+    assert (
+        plain
+        == load(tmp_path, sample=GRID, keys={"robot.alter.delay_cycles": {"values": [1, 2]}})[1]
+    )
+    assert plain.names == ("robot.alter.delay_cycles",)
+    assert plain.settings(1) == ("robot.alter.delay_cycles=2",)
 
 
 def test_no_key_of_a_scenario_is_a_word_of_the_sweep() -> None:
@@ -199,10 +202,12 @@ def test_no_key_of_a_scenario_is_a_word_of_the_sweep() -> None:
 def test_a_list_goes_through_its_columns_together(tmp_path: Path) -> None:
     keys = {
         "sheet.young_pa": {"values": [60e9, 70e9, 80e9]},
-        "alter.delay_cycles": {"min": 1, "max": 3, "steps": 3},
+        "robot.alter.delay_cycles": {"min": 1, "max": 3, "steps": 3},
         "compliance.predictor": {"values": ["none", {}, {"lead_x_s": 0.01}]},
     }
-    sweep, design = load(tmp_path, sample={"kind": "list"}, keys=keys)
+    sweep, design = load(
+        tmp_path, sample={"kind": "list"}, keys=keys, set={"compliance.kind": "model"}
+    )
     assert [row[:2] for row in design.rows] == [(60e9, 1), (70e9, 2), (80e9, 3)]
     found = [sweep.resolve(design.settings(i)).compliance.predictor for i in range(3)]
     assert found[0] is None
@@ -225,17 +230,19 @@ def test_a_run_is_what_dualbend_run_makes_of_its_settings(tmp_path: Path) -> Non
 
 def test_what_is_set_of_an_arm_s_stand_survives_its_arm(tmp_path: Path) -> None:
     """Analytic: in whichever order the file has them, with dots or as tables."""
-    dotted = {"cell.base_distance_m": 1.02, "arm.model": "ur5"}
-    tables = {"cell": {"base_distance_m": 1.02}, "arm": {"model": "ur5"}}
+    dotted = {"cell.base_distance_m": 1.02, "robot.model": "ur5"}
+    tables = {"cell": {"base_distance_m": 1.02}, "robot": {"model": "ur5"}}
     for fixed in (dotted, tables):
         sweep, _ = load(tmp_path, sample=GRID, keys=DELAY, set=fixed)
         scenario = sweep.resolve()
-        assert (scenario.cell.base_distance_m, scenario.arm.model) == (1.02, "ur5")
+        assert (scenario.cell.base_distance_m, scenario.robot.model) == (1.02, "ur5")
 
 
 def test_the_folder_s_own_files_are_the_same_sweep(tmp_path: Path) -> None:
     """Analytic: also of a scenario that lies beside the file and extends another."""
-    (tmp_path / "mine.toml").write_text('extends = "fig6"\nname = "mine"\n[alter]\nmode = "tool"\n')
+    (tmp_path / "mine.toml").write_text(
+        'extends = "fig6"\nname = "mine"\n[robot.alter]\nmode = "tool"\n'
+    )
     keys = {"sheet.young_pa": {"distribution": "normal", "mean": 7e10, "std": 1e9, "min": 6e10}}
     said = {"scenario": "mine.toml", "sample": {"kind": "sobol", "n": 4}, "keys": keys}
     sweep, design = load(tmp_path, **said, metrics=["peak_force"], set={"seed": 5})
@@ -294,27 +301,33 @@ NORMAL = {"distribution": "normal", "mean": 1.0, "std": 0.1}
             r'a distribution is for sample\.kind = "random" or "sobol", not "grid"',
         ),
         (
-            {"sample": {"kind": "random", "n": 4}, "keys": {"alter.delay_cycles": NORMAL}},
-            r"keys\.alter\.delay_cycles: is a whole number: give values",
+            {"sample": {"kind": "random", "n": 4}, "keys": {"robot.alter.delay_cycles": NORMAL}},
+            r"keys\.robot\.alter\.delay_cycles: is a whole number: give values",
         ),
         (
-            {"sample": GRID, "keys": {"alter.delay_cycles": {"min": 0, "max": 1, "steps": 3}}},
-            r"keys\.alter\.delay_cycles: is a whole number, and the range has 0\.5",
+            {
+                "sample": GRID,
+                "keys": {"robot.alter.delay_cycles": {"min": 0, "max": 1, "steps": 3}},
+            },
+            r"keys\.robot\.alter\.delay_cycles: is a whole number, and the range has 0\.5",
         ),
         (
-            {"sample": GRID, "keys": {"alter.mode": {"values": ["word"]}}},
+            {"sample": GRID, "keys": {"robot.alter.mode": {"values": ["word"]}}},
             r"'word' in values: must be",
         ),
         (
-            {"sample": GRID, "keys": {"alter.mode": {"min": 0, "max": 1, "steps": 2}}},
+            {"sample": GRID, "keys": {"robot.alter.mode": {"min": 0, "max": 1, "steps": 2}}},
             "not a number",
         ),
         ({"sample": GRID, "keys": {"sheet": {"min": 0, "max": 1, "steps": 2}}}, "is a section"),
         ({"sample": GRID, "keys": {}}, r"\[keys\] is empty"),
-        ({"sample": GRID, "keys": DELAY, "set": {"alter.delay_cycles": 1}}, "is given as well"),
         (
-            {"sample": GRID, "keys": DELAY, "set": {"alter": {"delay": 1}}},
-            r"gains\.toml: \[set\]: fig8: alter\.delay = 1: unknown key; did you mean delay_cycles",
+            {"sample": GRID, "keys": DELAY, "set": {"robot.alter.delay_cycles": 1}},
+            "is given as well",
+        ),
+        (
+            {"sample": GRID, "keys": DELAY, "set": {"robot": {"alter": {"delay": 1}}}},
+            r"\[set\]: fig8: robot\.alter\.delay = 1: unknown key; did you mean delay_cycles",
         ),
         (
             {"sample": {"kind": "sobol", "n": 100}, "keys": DELAY},
@@ -332,7 +345,7 @@ NORMAL = {"distribution": "normal", "mean": 1.0, "std": 0.1}
         ({"sample": GRID, "keys": {"seed": {"values": [1, 1]}}}, "keys.seed: values has 1 twice"),
         (
             {"sample": {"kind": "list"}, "keys": {**DELAY, "seed": {"values": [1]}}},
-            r"as many values each: alter\.delay_cycles 2, seed 1",
+            r"as many values each: robot\.alter\.delay_cycles 2, seed 1",
         ),
         (
             {
@@ -368,7 +381,6 @@ def test_a_file_that_is_none_is_said(tmp_path: Path) -> None:
 
 def test_every_key_of_a_scenario_is_known() -> None:
     """Analytic: as many as the sections have."""
-    assert sum(found is not None for found in known_keys().values()) == sum(
-        len(section.keys) for section in sections()
-    )
+    names = {".".join((*section.path, key.name)) for section in sections() for key in section.keys}
+    assert {name for name, key in known_keys().items() if key is not None} == names
     assert isinstance(make_spec({"distribution": "uniform", "min": 0, "max": 1}, "f", "k"), Uniform)

@@ -20,7 +20,7 @@ from dualbend.study.sweep.report import SENSITIVITY, report_lines, write_report
 from dualbend.study.sweep.row import RunRow
 from dualbend.study.sweep.sensitivity import sensitivities
 from dualbend.study.sweep.table import TABLE, make_table, numbers, shown_metrics, unit_of
-from support.sweep_stand_in import stand_in
+from support.stand_in import a_sweeps_run
 
 GRID = {
     "sample": {"kind": "grid"},
@@ -40,7 +40,7 @@ def load(folder: Path, **said: Any) -> tuple[Sweep, Design]:
 
 
 def rows_of(sweep: Sweep, design: Design) -> list[RunRow]:
-    return [stand_in(i, sweep.resolve(design.settings(i))) for i in range(len(design.rows))]
+    return [a_sweeps_run(i, sweep.resolve(design.settings(i))) for i in range(len(design.rows))]
 
 
 def test_the_table_is_tidy(tmp_path: Path) -> None:
@@ -74,20 +74,22 @@ def test_the_table_is_tidy(tmp_path: Path) -> None:
 def test_keys_of_every_kind_have_a_column(tmp_path: Path) -> None:
     """Analytic: numbers, truth and words as they are, the rest as JSON that reads back."""
     values = {
-        "alter.mode": ["world", "tool"],
+        "robot.alter.mode": ["world", "tool"],
         "compliance.tare": [True, False],
-        "alter.delay_cycles": [1, 2],
+        "robot.alter.delay_cycles": [1, 2],
         "compliance.predictor": ["none", {"lead_x_s": 0.01}],
-        "arms.complying": [["left"], ["left", "right"]],
+        "compliance.complying": [["left"], ["left", "right"]],
         "sheet.young_pa": [70_000_000_000, 7e10],
     }
     keys = {name: {"values": two} for name, two in values.items()}
-    sweep, design = load(tmp_path, sample={"kind": "list"}, keys=keys)
+    sweep, design = load(
+        tmp_path, sample={"kind": "list"}, keys=keys, set={"compliance.kind": "model"}
+    )
     rows = [RunRow(index=i, outcome="completed") for i in range(2)]
     found = make_table(sweep, design, rows).to_pylist()
     for name, two in values.items():
         got = [row[name] for row in found]
-        as_json = name in ("compliance.predictor", "arms.complying")
+        as_json = name in ("compliance.predictor", "compliance.complying")
         assert (list(map(json.loads, got)) if as_json else got) == two
 
 
@@ -199,10 +201,10 @@ def test_the_time_left_is_that_of_the_runs_made_now() -> None:
     now = 0.0
     stream = io.StringIO()
     progress = Progress(stream, clock=lambda: now)
-    progress(2, 10, "")
+    progress(2, 10, None)
     for done in range(3, 7):
         now += 10.0
-        progress(done, 10, "refused" if done == 4 else "completed")
+        progress(done, 10, RunRow(index=done, outcome="refused" if done == 4 else "completed"))
     assert progress.text() == "6/10 runs, 1 refused, about 40 s left"
     # A log: the start, and a line every 30 s.
     assert stream.getvalue().splitlines() == ["2/10 runs", "5/10 runs, 1 refused, about 50 s left"]
@@ -211,9 +213,9 @@ def test_the_time_left_is_that_of_the_runs_made_now() -> None:
 def test_a_terminal_has_one_line_that_is_wiped() -> None:
     stream = Terminal()
     progress = Progress(stream, clock=lambda: 0.0)
-    progress(0, 2, "")
-    progress(1, 2, "completed")
-    progress(2, 2, "completed")
+    progress(0, 2, None)
+    progress(1, 2, RunRow(index=0, outcome="completed"))
+    progress(2, 2, RunRow(index=1, outcome="completed"))
     assert (
         stream.getvalue() == "\r0/2 runs\r1/2 runs, about 0 s left\r" + "2/2 runs".ljust(24) + "\n"
     )

@@ -34,7 +34,7 @@ def make_book(seed: int = 3) -> tuple[AssemblyRun, RunRecord]:
 
     The last row is unfinished, as that of a run that stopped.
     """
-    run = make_run(load_scenario("pwb", ("assembly.sheets=2",)))
+    run = make_run(load_scenario("pwb", ("task.sheets=2",)))
     assert isinstance(run, AssemblyRun)
     simulation, rows = run.cell.simulation, stages()
     hinges = run.scenario.sheet.strips.hinges

@@ -22,15 +22,17 @@ from dualbend.scenario.load import load_scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.scene.sheet.strips import bend_joint, strip_body, twist_joint
 from dualbend.task.assembly import run as assembly_run
+from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.metrics import final_holes, phase_table, seated
 from dualbend.task.assembly.motions import PHASES
 from dualbend.task.assembly.run import AssemblyRun
 from dualbend.task.assembly.stiffness import object_stiffness
+from dualbend.task.bending.config import BendingConfig
 
 Array = NDArray[np.float64]
-OFF = ("assembly.errors.pickup_x_m=0.012",)
+OFF = ("task.errors.pickup_x_m=0.012",)
 """Beyond the jaws: this run ends within some 100 cycles."""
-FRAGILE = ("assembly.limits.pin_force_n=0.2",)
+FRAGILE = ("task.limits.pin_force_n=0.2",)
 
 
 @cache
@@ -60,8 +62,8 @@ def test_seated_is_what_the_last_state_says() -> None:
     model, data = result.model, mujoco.MjData(result.model)
     data.qpos[:] = result.trace.qpos[-1]
     mujoco.mj_forward(model, data)
-    assembly, sheet = result.scenario.assembly, result.scenario.sheet
-    assert assembly is not None
+    assembly, sheet = result.scenario.task, result.scenario.sheet
+    assert isinstance(assembly, AssemblyConfig)
     h = sheet.length_m / sheet.strips.hinges
     for i, along in enumerate((-0.04, 0.04, -0.14, 0.14)):
         strip = sheet.strips.hinges // 2 + round(along / h)
@@ -182,7 +184,7 @@ def test_the_same_seed_is_the_same_trace_also_of_the_same_object() -> None:
 
 
 def test_a_second_run_of_the_same_object_begins_anew() -> None:
-    prepared = AssemblyRun(load_scenario("pwb", ["assembly.errors.pickup_yaw_rad=0.01", *OFF]))
+    prepared = AssemblyRun(load_scenario("pwb", ["task.errors.pickup_yaw_rad=0.01", *OFF]))
     first = table(prepared.run().trace)
     np.testing.assert_array_equal(first, table(prepared.run().trace))
 
@@ -350,46 +352,46 @@ def test_a_stream_takes_no_row_twice(tmp_path: Path) -> None:
 
 def test_none_unsets_an_optional_section_of_the_extended_scenario(tmp_path: Path) -> None:
     child = tmp_path / "child.toml"
-    child.write_text('extends = "pwb"\nname = "child"\n[assembly]\ncompliance = "none"\n')
-    assembly = load_scenario(str(child)).assembly
-    assert assembly is not None
+    child.write_text('extends = "pwb"\nname = "child"\n[task]\ncompliance = "none"\n')
+    assembly = load_scenario(str(child)).task
+    assert isinstance(assembly, AssemblyConfig)
     assert assembly.compliance is None
-    child.write_text('extends = "pwb"\nname = "child"\nassembly = "none"\n')
-    assert load_scenario(str(child)).assembly is None
     grandchild = tmp_path / "grandchild.toml"
     grandchild.write_text(
-        'extends = "child.toml"\nname = "g"\n[assembly.compliance]\ngain_margin = 5.0\n'
+        'extends = "child.toml"\nname = "g"\n[task.compliance]\ngain_margin = 5.0\n'
     )
-    again = load_scenario(str(grandchild)).assembly
-    assert again is not None
+    again = load_scenario(str(grandchild)).task
+    assert isinstance(again, AssemblyConfig)
     assert again.compliance is not None
     assert again.compliance.gain_margin == 5.0
+    child.write_text('extends = "pwb"\nname = "child"\n[task]\nkind = "bending"\n')
+    assert load_scenario(str(child)).task == BendingConfig()
 
 
 def test_none_on_the_command_line_unsets_too() -> None:
-    assembly = load_scenario("pwb", ["assembly.compliance=none"]).assembly
-    assert assembly is not None
+    assembly = load_scenario("pwb", ["task.compliance=none"]).task
+    assert isinstance(assembly, AssemblyConfig)
     assert assembly.compliance is None
     assert (
-        load_scenario("pwb-rigid").assembly
-        == load_scenario("pwb-misaligned", ["assembly.compliance=none"]).assembly
+        load_scenario("pwb-rigid").task
+        == load_scenario("pwb-misaligned", ["task.compliance=none"]).task
     )
 
 
 def test_none_for_what_is_not_optional_is_refused() -> None:
-    with pytest.raises(InputError, match=r"assembly\.lift_m = 'none'"):
-        load_scenario("pwb", ["assembly.lift_m=none"])
+    with pytest.raises(InputError, match=r"task\.lift_m = 'none'"):
+        load_scenario("pwb", ["task.lift_m=none"])
 
 
 def test_none_unsets_nothing_where_nothing_was(tmp_path: Path) -> None:
     """A file that extends nothing may say it as well: the key is not there then either."""
     text = load_scenario("pwb").to_toml()
-    assert "[assembly.compliance]" in text
-    head, _, rest = text.partition("[assembly.compliance]")
+    assert "[task.compliance]" in text
+    head, _, rest = text.partition("[task.compliance]")
     rest = rest[rest.index("\n[") :]
     alone = tmp_path / "alone.toml"
-    head = head.replace("[assembly]\n", '[assembly]\ncompliance = "none"\n')
+    head = head.replace("[task]\n", '[task]\ncompliance = "none"\n')
     alone.write_text(head + rest)
-    assembly = load_scenario(str(alone)).assembly
-    assert assembly is not None
+    assembly = load_scenario(str(alone)).task
+    assert isinstance(assembly, AssemblyConfig)
     assert assembly.compliance is None

@@ -25,7 +25,7 @@ from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.object import ObjectComplianceConfig
 from dualbend.run.outcome import TaskStopped
-from dualbend.scenario.assembly import AssemblyConfig, SearchConfig, SpeedsConfig
+from dualbend.task.assembly.config import AssemblyConfig, SearchConfig, SpeedsConfig
 from dualbend.task.assembly.execution import Execution
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyProgram, middle_force

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dualbend.errors import InputError
-from dualbend.scenario.assembly import AssemblyConfig
 from dualbend.scene.bed.config import (
     BedConfig,
     HolePairConfig,
@@ -19,6 +18,7 @@ from dualbend.scene.bed.config import (
     PinsConfig,
     StandConfig,
 )
+from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.workplace import JAW_ROOM_M, LIFT_ROOM_M, check_workplace
 from support.sheets import STRIP
 

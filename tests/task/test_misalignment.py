@@ -5,8 +5,8 @@ import pytest
 
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
-from dualbend.scenario.misalignment import GripError, MisalignmentConfig, errors_over_time
 from dualbend.scenario.motion import nominal_motion
+from dualbend.task.bending.config import GripError, MisalignmentConfig, errors_over_time
 from dualbend.task.bending.run import SPACE_COLUMNS, BendingRun
 
 SHORT = ("path.end_rad=0.2", "motion.hold_s=0.1")
@@ -33,7 +33,10 @@ def test_no_error_is_no_misalignment() -> None:
 
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_the_edge_stands_to_its_gripper_as_configured(side: str) -> None:
-    settings = (f"misalignment.{side}.lateral_m=1e-4", f"misalignment.{side}.roll_rad=0.02")
+    settings = (
+        f"task.misalignment.{side}.lateral_m=1e-4",
+        f"task.misalignment.{side}.roll_rad=0.02",
+    )
     result = BendingRun(load_scenario("fig6", [*SHORT, *settings])).run()
     trace = result.trace
     assert result.outcome == "completed"
@@ -48,8 +51,8 @@ def test_the_edge_stands_to_its_gripper_as_configured(side: str) -> None:
 
 def test_both_grips_wrong_alike_do_not_twist_the_sheet() -> None:
     # Rolled alike as seen from outside: each about its own x_G, which point at each other.
-    alike = ("misalignment.left.roll_rad=0.02", "misalignment.right.roll_rad=-0.02")
-    twisted = ("misalignment.left.roll_rad=0.02", "misalignment.right.roll_rad=0.02")
+    alike = ("task.misalignment.left.roll_rad=0.02", "task.misalignment.right.roll_rad=-0.02")
+    twisted = ("task.misalignment.left.roll_rad=0.02", "task.misalignment.right.roll_rad=0.02")
     torque = []
     for errors in (alike, twisted):
         trace = BendingRun(load_scenario("fig6", [*SHORT, *errors])).run().trace
@@ -62,10 +65,18 @@ def test_both_grips_wrong_alike_do_not_twist_the_sheet() -> None:
 @pytest.mark.parametrize(
     ("scenario", "settings", "reason"),
     [
-        ("fig6", ["misalignment.right.lateral_m=0.2"], "misalignment.right.lateral_m = 0.2"),
-        ("fig6", ["misalignment.right.rol_rad=0.2"], "did you mean roll_rad"),
-        ("fig6", ["misalignment.right.roll_rad=0.1", "motion.settle_s=0.1"], "at least 0.25 s"),
-        ("pwb", ["misalignment.right.roll_rad=0.1"], "an assembly has assembly.errors"),
+        (
+            "fig6",
+            ["task.misalignment.right.lateral_m=0.2"],
+            "task.misalignment.right.lateral_m = 0.2",
+        ),
+        ("fig6", ["task.misalignment.right.rol_rad=0.2"], "did you mean roll_rad"),
+        (
+            "fig6",
+            ["task.misalignment.right.roll_rad=0.1", "motion.settle_s=0.1"],
+            "at least 0.25 s",
+        ),
+        ("pwb", ["task.misalignment.right.roll_rad=0.1"], 'belongs to kind = "bending"'),
     ],
 )
 def test_what_cannot_be_is_refused_with_the_reason(

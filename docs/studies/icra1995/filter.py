@@ -17,7 +17,7 @@ from dualbend.control.compliance.admittance import (
     AxisConfig,
 )
 from dualbend.control.delay import TransportDelay
-from dualbend.control.filters import NYQUIST_HZ, LowPass, LowPassConfig
+from dualbend.control.filters import NYQUIST_HZ, FirConfig, IirConfig, LowPass, NoFilterConfig
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.errors import InputError
 from dualbend.stability.margins import loop_margins
@@ -89,8 +89,8 @@ def tracking_lag_s(omega_rad_per_s: float, two_xi_omega: float) -> float:
 def low_pass(kind: Kind, size: int, cutoff_hz: float) -> LowPass:
     """Return a filter: ``size`` is the number of FIR taps or the Butterworth order."""
     if kind == "fir":
-        return LowPass(LowPassConfig(kind="fir", taps=size, cutoff_hz=cutoff_hz), 1)
-    return LowPass(LowPassConfig(kind="iir", order=size, cutoff_hz=cutoff_hz), 1)
+        return LowPass(FirConfig(taps=size, cutoff_hz=cutoff_hz), 1)
+    return LowPass(IirConfig(order=size, cutoff_hz=cutoff_hz), 1)
 
 
 def nyquist_share(cutoff_hz: float) -> float:
@@ -132,7 +132,7 @@ def elements(
     if not ratio > 0.0:
         raise InputError(f"two_xi_omega = {two_xi_omega!r}: must be positive")
     robot = CommandResponseConfig(natural_frequency_hz=natural_frequency_hz, damping_ratio=ratio)
-    none = LowPass(LowPassConfig(kind="none"), 1)
+    none = LowPass(NoFilterConfig(), 1)
     return LoopElements(
         response=CommandResponse(robot, 1, STEPS),
         low_pass=low_pass(*filtered) if filtered else none,

@@ -16,7 +16,6 @@ import numpy as np
 
 from dualbend.beam.rod.tangent import solve_grips
 from dualbend.errors import InputError
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.mode import Mode
 from dualbend.stability.plant.environment import Environment, environments
@@ -124,7 +123,7 @@ def piece_angles(start_rad: float) -> Vector:
 def moments(scenario: Scenario, alphas_rad: Vector) -> Vector:
     """Return the moment [N m] at the left grip at rest, NaN where there is no state of rest."""
     sheet = scenario.sheet.sheet()
-    path = make_path(scenario.path, sheet.length_m)
+    path = scenario.path.make(sheet.length_m)
     limits = scenario.compliance.limit_x_m, scenario.compliance.limit_rotation_rad
     found = []
     for at in environments(scenario, alphas_rad.tolist()):

@@ -22,7 +22,7 @@ JOINT_COUNT: Final[dict[ArmName, int]] = {
 }
 
 
-def arm_name(text: str, key: str = "arm.model") -> ArmName:
+def arm_name(text: str, key: str = "robot.model") -> ArmName:
     """Return the name of an arm; InputError with the choices where there is none of that name."""
     for name in JOINT_COUNT:
         if name == text:

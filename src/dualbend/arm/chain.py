@@ -34,7 +34,7 @@ class SerialChain:
     axes, points : (n, 3) unit vectors and places [m] in the base frame at q = 0
     grip : (4, 4) pose of the grip frame at q = 0
     range_rad : (n, 2)
-    length_m : scale that makes turns and ways comparable, the arm's reach
+    length_m : scale between translation and rotation, the arm's reach
     """
 
     axes: Vector

@@ -1,23 +1,29 @@
-"""Meshes of an arm's links through trimesh: corners to put capsules about, triangles to show."""
+"""Shapes of an arm's links from mesh files, read by trimesh: capsules that collide, and looks."""
 
 from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.errors import InputError
 from dualbend.types import Vector
 
+if TYPE_CHECKING:
+    import trimesh
+
 GRAIN_M: Final = 0.004
 """Corners nearer than this become one: files of 20 000 triangles a link keep some 2000."""
 
-_COLOURED = (".dae",)
-"""What is drawn to be looked at, finely and in several colours."""
+_LIGHT, _DARK = (0.86, 0.87, 0.88, 1.0), (0.36, 0.42, 0.50, 1.0)
+
+_PLAIN = (".stl", ".obj")
+"""Shown as they are, in a shade; other files are drawn finely and in several colours."""
 
 _FEWEST_FACES = 8
 
@@ -46,26 +52,33 @@ def read_mesh(file: Path) -> tuple[ColouredMesh, ...]:
         parts = trimesh.load_scene(file, process=False).dump()
     except Exception as error:  # each format's reader raises errors of its own
         raise InputError(f"{file}: the arm's mesh cannot be read: {error}") from error
-    found: dict[tuple[float, ...], list[Vector]] = {}
     for part in parts:
         if part.units is not None:
             part.convert_units("meters")
-        # A mesh has its colour of a material, or of its own.
-        colour = getattr(part.visual, "material", part.visual).main_color
-        rgba = tuple(float(value) for value in (colour / 255.0).round(3))
-        found.setdefault(rgba, []).append(part.triangles.reshape(-1, 3))
-    if file.suffix.lower() in _COLOURED:
-        meshes = [coarsened(np.concatenate(points), rgba) for rgba, points in found.items()]
+    if file.suffix.lower() in _PLAIN:
+        meshes = [_plain(part) for part in parts]
     else:
-        for part in parts:
-            part.merge_vertices()
-        meshes = [
-            ColouredMesh(vertices=part.vertices, faces=part.faces, rgba=None) for part in parts
-        ]
+        meshes = [coarsened(corners, rgba) for rgba, corners in _by_colour(parts).items()]
     kept = tuple(mesh for mesh in meshes if len(mesh.faces) >= _FEWEST_FACES)
     if not kept:
         raise InputError(f"{file}: no triangles in the arm's mesh")
     return kept
+
+
+def _plain(part: trimesh.Trimesh) -> ColouredMesh:
+    part.merge_vertices()
+    return ColouredMesh(vertices=part.vertices, faces=part.faces, rgba=None)
+
+
+def _by_colour(parts: list[trimesh.Trimesh]) -> dict[tuple[float, ...], Vector]:
+    """Return the triangles (3 k, 3) of each rgba."""
+    found: dict[tuple[float, ...], list[Vector]] = {}
+    for part in parts:
+        # A mesh has its colour of a material, or of its own.
+        colour = getattr(part.visual, "material", part.visual).main_color
+        rgba = tuple(float(value) for value in (colour / 255.0).round(3))
+        found.setdefault(rgba, []).append(part.triangles.reshape(-1, 3))
+    return {rgba: np.concatenate(corners) for rgba, corners in found.items()}
 
 
 def coarsened(points: Vector, rgba: tuple[float, ...]) -> ColouredMesh:
@@ -81,3 +94,87 @@ def coarsened(points: Vector, rgba: tuple[float, ...]) -> ColouredMesh:
     mesh.update_faces(mesh.nondegenerate_faces() & mesh.unique_faces())
     mesh.remove_unreferenced_vertices()
     return ColouredMesh(vertices=np.array(mesh.vertices), faces=np.array(mesh.faces), rgba=rgba)
+
+
+def add_shapes(spec: mujoco.MjSpec, *, looks: bool) -> None:
+    """Replace a parsed file's shapes by one capsule per link, which collides, and meshes to see.
+
+    Raises
+    ------
+    InputError
+        A mesh cannot be read.
+    """
+    from_file, moved = spec.meshes, 0
+    for body in spec.bodies[1:]:
+        moved += len(body.joints)
+        shapes = body.geoms
+        drawn = [geom for geom in shapes if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
+        visual = [geom for geom in drawn if not geom.contype]
+        solid = [geom for geom in drawn if geom.contype] or visual
+        if solid:
+            _add_capsule(body, np.concatenate([_corners(spec, geom) for geom in solid]))
+        for geom in visual if looks else ():
+            _add_look(spec, body, geom, _DARK if moved in (2, 4, 6) else _LIGHT)
+        for geom in shapes:
+            spec.delete(geom)
+    for mesh in from_file:
+        spec.delete(mesh)
+
+
+def _corners(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> Vector:
+    """Return the corners (k, 3) of a geom's mesh in the link's frame [m]."""
+    mesh, turn = spec.mesh(geom.meshname), np.empty(9)
+    points = np.concatenate([part.vertices for part in read_mesh(Path(mesh.file))]) * mesh.scale
+    mujoco.mju_quat2Mat(turn, geom.quat)
+    return np.asarray(points @ turn.reshape(3, 3).T + geom.pos)
+
+
+def _add_look(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, geom: mujoco.MjsGeom, shade: tuple[float, ...]
+) -> None:
+    """Show a mesh in its own colours, or in a shade where the file has none."""
+    mesh = spec.mesh(geom.meshname)
+    for i, part in enumerate(read_mesh(Path(mesh.file))):
+        shape = spec.add_mesh(
+            name=f"{body.name}_{mesh.name}_{i}",
+            uservert=(part.vertices * mesh.scale).ravel(),
+            userface=part.faces.ravel(),
+            # Open surfaces have no volume, and their mass is not asked for.
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+        )
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=shape.name,
+            pos=geom.pos,
+            quat=geom.quat,
+            rgba=part.rgba or shade,
+            mass=0.0,
+            contype=0,
+            conaffinity=0,
+            group=2,
+        )
+
+
+def _add_capsule(body: mujoco.MjsBody, points: Vector) -> None:
+    """Put a capsule that collides about points (k, 3) in the body's frame.
+
+    Along the longest side of their box, as thick as the mean of the other two: a little too thin at
+    the corners, a little too thick at the faces.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = high - low
+    axis = int(np.argmax(size))
+    radius = 0.25 * float(size.sum() - size[axis])
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, np.roll(np.eye(3), 2 - axis, axis=1).ravel())
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[radius, max(0.5 * float(size[axis]) - radius, 1e-3), 0.0],
+        pos=0.5 * (low + high),
+        quat=quat,
+        mass=0.0,
+        contype=1,
+        conaffinity=1,
+        group=3,
+        rgba=[0.3, 0.5, 0.9, 0.4],
+    )

@@ -1,4 +1,4 @@
-"""What the rest of the code has to know about an arm: one frozen object a kind of arm.
+"""The data of one kind of arm: joints, limits, drives, ratings, and where each is from.
 
 Names are the same on every arm: ``joint1`` to ``joint<n>`` from the base on, site ``flange``.
 """
@@ -160,7 +160,7 @@ def rule_stiffness(spec: mujoco.MjSpec) -> tuple[float, ...]:
 
     k_i = (2π 20 Hz)² I_i with I_i the mean over the ranges (256 seeded configurations) of what
     joint i moves, gripper and rotor included: every joint of every arm then has the same frequency,
-    the upper end of what is told of the PUMA's first resonance, and no pose decides it.
+    the upper end of what is reported of the PUMA's first resonance, whatever the pose.
     """
     model = with_gripper(spec).compile()
     data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))

@@ -1,8 +1,8 @@
 """Where an arm should stand for its work: base, elbow and wrist branch, found by trial.
 
-The best place has the largest smallest share of what runs out first along the path: manipulability,
-over the arm's largest, or a joint-limit margin, over half the range. Thousands of places and
-branches are tried at once on a grid, the best are followed along the path, the winner is refined.
+The best place has the largest minimum along the path of two quantities: manipulability over the
+arm's largest, and joint-limit margin over half the range. Thousands of places and branches are
+tried at once on a grid, the best are followed along the path, the winner is refined.
 """
 
 from __future__ import annotations

@@ -17,12 +17,10 @@ import mujoco
 import numpy as np
 
 from dualbend.arm.catalog import UrdfFacts
-from dualbend.arm.meshes import read_mesh
+from dualbend.arm.meshes import add_shapes
 from dualbend.arm.mjcf import FLANGE_SITE
 from dualbend.errors import InputError
-from dualbend.types import Vector
 
-_LIGHT, _DARK = (0.86, 0.87, 0.88, 1.0), (0.36, 0.42, 0.50, 1.0)
 _HARD_FRICTION: Final = [0.9999, 0.9999, 0.001, 0.5, 2.0]
 """Nearly hard dry friction, as the PUMA's: the default smears it over 5 mrad/s."""
 
@@ -88,13 +86,13 @@ def package_folder(package: str) -> Path:
         installed = metadata.distribution(package)
     except metadata.PackageNotFoundError as error:
         raise InputError(
-            f"arm.model: the arms' files are in the package {package}, which is not installed: "
-            f"pip install {package}; without it there is arm.model = 'puma560'"
+            f"robot.model: the arms' files are in the package {package}, which is not installed: "
+            f"pip install {package}; without it there is robot.model = 'puma560'"
         ) from error
     folder = Path(str(installed.locate_file(f"cmeel.prefix/share/{package}")))
     if not (folder / "robots").is_dir():
         raise InputError(
-            f"arm.model: the package {package} {installed.version} has no robots in {folder}: "
+            f"robot.model: the package {package} {installed.version} has no robots in {folder}: "
             f"pip install --force-reinstall {package}"
         )
     return folder
@@ -116,7 +114,7 @@ class _Reader:
         speeds = tuple(self._speed(joint) for joint, _ in moved)
         self._cut(links, joints)
         spec = self._parsed()
-        _add_shapes(spec, looks=looks)
+        add_shapes(spec, looks=looks)
         spec.fuse_static()
         for name, link in zip(moving, spec.bodies[2:], strict=True):
             link.gravcomp = 1.0
@@ -235,86 +233,3 @@ class _Reader:
 
 def _turns(joint: ET.Element) -> bool:
     return joint.get("type") != "fixed"
-
-
-def _add_shapes(spec: mujoco.MjSpec, *, looks: bool) -> None:
-    """Put in place of the file's shapes a capsule a link, which collides, and meshes to look at."""
-    from_file, moved = spec.meshes, 0
-    for body in spec.bodies[1:]:
-        moved += len(body.joints)
-        shapes = body.geoms
-        drawn = [geom for geom in shapes if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
-        visual = [geom for geom in drawn if not geom.contype]
-        solid = [geom for geom in drawn if geom.contype] or visual
-        if solid:
-            _add_capsule(body, np.concatenate([_corners(spec, geom) for geom in solid]))
-        for geom in visual if looks else ():
-            _add_look(spec, body, geom, _DARK if moved in (2, 4, 6) else _LIGHT)
-        for geom in shapes:
-            spec.delete(geom)
-    for mesh in from_file:
-        spec.delete(mesh)
-
-
-def _corners(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> Vector:
-    """Return the corners (k, 3) of a geom's mesh in the link's frame [m]."""
-    mesh, turn = spec.mesh(geom.meshname), np.empty(9)
-    points = np.concatenate([part.vertices for part in read_mesh(Path(mesh.file))]) * mesh.scale
-    mujoco.mju_quat2Mat(turn, geom.quat)
-    return np.asarray(points @ turn.reshape(3, 3).T + geom.pos)
-
-
-def _add_look(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, geom: mujoco.MjsGeom, shade: tuple[float, ...]
-) -> None:
-    """Show a mesh in its own colours, or in a shade where the file has none."""
-    mesh = spec.mesh(geom.meshname)
-    for i, part in enumerate(read_mesh(Path(mesh.file))):
-        shape = spec.add_mesh(
-            name=f"{body.name}_{mesh.name}_{i}",
-            uservert=(part.vertices * mesh.scale).ravel(),
-            userface=part.faces.ravel(),
-            # Open surfaces have no volume, and their mass is not asked for.
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=shape.name,
-            pos=geom.pos,
-            quat=geom.quat,
-            rgba=part.rgba or shade,
-            mass=0.0,
-            contype=0,
-            conaffinity=0,
-            group=2,
-        )
-
-
-def _add_capsule(body: mujoco.MjsBody, points: Vector) -> None:
-    middle, axis, radius, half = capsule(points)
-    quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, np.roll(np.eye(3), 2 - axis, axis=1).ravel())
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        size=[radius, half, 0.0],
-        pos=middle,
-        quat=quat,
-        mass=0.0,
-        contype=1,
-        conaffinity=1,
-        group=3,
-        rgba=[0.3, 0.5, 0.9, 0.4],
-    )
-
-
-def capsule(points: Vector) -> tuple[Vector, int, float, float]:
-    """Return middle (3,), axis (0, 1, 2), radius and half length of a capsule about points (k, 3).
-
-    Along the longest side of their box, as thick as the mean of the other two: a little too thin at
-    the corners, a little too thick at the faces.
-    """
-    low, high = points.min(axis=0), points.max(axis=0)
-    size = high - low
-    axis = int(np.argmax(size))
-    radius = 0.25 * float(size.sum() - size[axis])
-    return 0.5 * (low + high), axis, radius, max(0.5 * float(size[axis]) - radius, 1e-3)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 
 from dualbend.beam.material import GRADES, Material
-from dualbend.table import Code, Column, Table
+from dualbend.table import Code, Table, quantity
 
 _COLUMNS = (
     # attribute, heading, unit, divisor
@@ -44,7 +44,7 @@ def markdown(materials: Mapping[str, Material]) -> str:
         for name, material in materials.items()
         for key, evidence in material.evidence.items()
     ]
-    columns = [Column(name) for name in ("material", "number", "grade", "source")]
+    columns = ("material", "number", "grade", "source")
     grades = [f"* {grade[0]}, {grade}: {said}" for grade, said in GRADES.items()]
     lines = [
         _numbers(materials, "material").markdown(),
@@ -62,12 +62,12 @@ def as_json(materials: Mapping[str, Material]) -> str:
 
 
 def _numbers(materials: Mapping[str, Material], first: str) -> Table:
-    numbers = [Column(name, unit, right=True, width=8) for _, name, unit, _ in _COLUMNS]
+    numbers = [quantity(name, unit, width=8) for _, name, unit, _ in _COLUMNS]
     rows = [
         (Code(name), *(_cell(material, key, divisor) for key, _, _, divisor in _COLUMNS))
         for name, material in materials.items()
     ]
-    return Table([Column(first), *numbers], rows)
+    return Table([first, *numbers], rows)
 
 
 def _cell(material: Material, key: str, divisor: float) -> str | None:

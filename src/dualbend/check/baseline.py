@@ -112,7 +112,7 @@ def write_baseline(baseline: Baseline, path: Path) -> None:
 
 
 def _text(value: object, depth: int = 0) -> str:
-    """Return JSON with sorted keys and a line a metric, so that a difference is read by eye."""
+    """Return JSON with sorted keys and one line per metric, so that a difference is read by eye."""
     if not isinstance(value, dict) or not value or depth == _LINE_DEPTH:
         return json.dumps(value, sort_keys=True, allow_nan=False, ensure_ascii=False)
     indent = " " * (depth + 1)

@@ -1,4 +1,4 @@
-"""The judge: runs scenarios, compares them with a baseline, and rewrites it where asked to."""
+"""The check: runs scenarios, compares them with a baseline, and rewrites it where asked to."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _entry(old: Entry | None, one: Measured, path: Path) -> Entry:
     metrics = {}
     for name, metric in one.metrics.items():
         value = rounded(metric.value)
-        tolerance = _tolerance(gates.get(name), name, value, one.assembly)
+        tolerance = _tolerance(gates.get(name), name, value, one.task)
         metrics[name] = Gate(value=value, unit=metric.unit, tolerance=tolerance)
     return Entry(
         source=relative_source(one.source, path),
@@ -99,8 +99,8 @@ def _entry(old: Entry | None, one: Measured, path: Path) -> Entry:
     )
 
 
-def _tolerance(gate: Gate | None, name: str, value: Value, assembly: bool) -> Tolerance:
+def _tolerance(gate: Gate | None, name: str, value: Value, task: str) -> Tolerance:
     """Return the tolerance of the file, unless it is the default for a value that is no more."""
-    if gate is not None and gate.tolerance != default_tolerance(name, gate.value, assembly):
+    if gate is not None and gate.tolerance != default_tolerance(name, gate.value, task):
         return gate.tolerance
-    return default_tolerance(name, value, assembly)
+    return default_tolerance(name, value, task)

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import msgspec
 
 from dualbend.check.baseline import CRASHED, REFUSED, EndedAs
 from dualbend.errors import InputError
 from dualbend.evaluation.fingerprint import model_fingerprint
-from dualbend.evaluation.metrics import WALL_CLOCK, versions
+from dualbend.evaluation.metrics import versions
 from dualbend.evaluation.peaks import Place, last_place, peak_places
 from dualbend.run.make import make_run
-from dualbend.run.record import Metric
+from dualbend.run.record import Metric, task_of
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
-from dualbend.study.engine import WorkerDiedError, in_processes
+from dualbend.study.ending import metrics_of, outcome_of, result_of
+from dualbend.study.engine import Study
+from dualbend.study.processes import in_processes
 
 _NOT_OF_A_RESULT = ("rerun-sdk",)
 
@@ -30,7 +32,7 @@ class Measured(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str
     source: str
-    assembly: bool
+    task: str
     outcome: EndedAs
     reason: str = ""
     end: Place | None = None
@@ -52,37 +54,28 @@ def measure(source: str) -> Measured:
         The user ended it; half a run is no measurement.
     """
     scenario = load_scenario(source)
-    measured = Measured(
-        name=scenario.name,
-        source=source,
-        assembly=scenario.assembly is not None,
-        outcome=REFUSED,
-        scenario_sha256=scenario_hash(scenario),
-        versions={k: v for k, v in versions().items() if k not in _NOT_OF_A_RESULT},
-    )
+    what: dict[str, Any] = {
+        "name": scenario.name,
+        "source": source,
+        "task": task_of(scenario).kind,
+        "scenario_sha256": scenario_hash(scenario),
+        "versions": {k: v for k, v in versions().items() if k not in _NOT_OF_A_RESULT},
+    }
     try:
-        return _measure_run(scenario, measured)
-    except InputError as refusal:
-        return msgspec.structs.replace(measured, reason=str(refusal))
-    except Exception as fault:
-        reason = f"{type(fault).__name__}: {fault}"
-        return msgspec.structs.replace(measured, outcome=CRASHED, reason=reason)
-
-
-def _measure_run(scenario: Scenario, measured: Measured) -> Measured:
-    result = make_run(scenario).run()
-    if result.reason.startswith("interrupted"):
-        raise KeyboardInterrupt
-    metrics = result.metrics
-    return msgspec.structs.replace(
-        measured,
-        outcome=result.outcome,
-        reason=result.reason,
-        end=last_place(result),
-        model_sha256=model_fingerprint(result.model),
-        metrics={name: metric for name, metric in metrics.items() if name not in WALL_CLOCK},
-        places=peak_places(result, metrics),
-    )
+        result = result_of(make_run(scenario))
+        metrics = metrics_of(result)
+        what |= {
+            "outcome": result.outcome,
+            "reason": result.reason,
+            "end": last_place(result),
+            "model_sha256": model_fingerprint(result.model),
+            "metrics": metrics,
+            "places": peak_places(result, metrics),
+        }
+    except Exception as error:  # one bad run must not end the check
+        outcome, reason = outcome_of(error)
+        what |= {"outcome": REFUSED if outcome == REFUSED else CRASHED, "reason": reason}
+    return Measured(**what)
 
 
 def scenario_hash(scenario: Scenario) -> str:
@@ -106,22 +99,19 @@ def measure_all(
         A scenario cannot be read, two have one name, or a process died.
     """
     refuse_doubles(sources)
-    found = {}
-    try:
-        for source, measured in in_processes(
-            [(source,) for source in sources], _measure_one, workers or os.cpu_count() or 1
-        ):
-            found[source] = measured
+    study = Study(
+        design=sources,
+        task=lambda source: (source,),
+        run_one=measure,
+        key=lambda measured: measured.source,
+        summarise=list,
+    )
+
+    def tell(_: int, __: int, measured: Measured | None) -> None:
+        if measured is not None:
             on_done(measured)
-    except WorkerDiedError as error:
-        raise InputError(
-            "a process was ended from outside, by too little memory perhaps: try --workers 1"
-        ) from error
-    return [found[source] for source in sources]
 
-
-def _measure_one(source: str) -> tuple[str, Measured]:
-    return source, measure(source)
+    return study.run(in_processes(workers), on_run=tell)
 
 
 def refuse_doubles(sources: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""What the judge says, for a terminal, for a CI's test report (JUnit XML) and for a web page."""
+"""The result of a check, for a terminal, for a CI's test report (JUnit XML) and for a web page."""
 
 from __future__ import annotations
 

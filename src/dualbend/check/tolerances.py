@@ -15,6 +15,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from dualbend.registry import TASKS
+
 Better = Literal["lower", "higher", "neither"]
 
 
@@ -41,63 +43,21 @@ class Tolerance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         return f"{self.size:g} {unit}" if self.kind == "absolute" else "not gated"
 
 
-_SMOOTH = "rounding moves it by 1e-10, a tap or a cycle of delay more by 6e-3 or more in fig8"
-_CONTACT = "contact amplifies rounding to 1e-4; other noise of the sensor moves it by 1 to 50 %"
-_ACROSS = "as much as the peak force; no shipped scenario is misaligned, so not measured there"
 _NEVER = "is 0 here"
-_COUNT = "a count"
 _SOLVER = "where the solver stops, not where the arm is; its limit is 1e-5"
 
-_REST = (
-    "friction decides where in its clearance a hole rests: 44 or 87 µm by another BLAS's rounding"
-)
+_UNKNOWN = Tolerance(kind="relative", size=0.01, reason="no default for this metric: review it")
 
-_UNKNOWN = Tolerance(kind="relative", size=0.01, reason="no default for this metric: judge it")
+_Size = tuple[Literal["relative", "absolute"], float, float, str]
+"""Kind, size, absolute size where the baseline is 0 and the kind is relative, reason."""
 
-_SIZES: dict[str, tuple[Literal["relative", "absolute"], float, float, str]] = {
-    # name: kind, size, absolute size where the baseline is 0 and kind is relative, reason
-    "peak_moment": ("relative", 2e-3, 1e-6, _SMOOTH),
-    "rms_moment": ("relative", 2e-3, 1e-6, _SMOOTH),
-    "peak_moment_by_piece": ("relative", 2e-3, 1e-6, _SMOOTH),
-    "peak_force": ("relative", 5e-3, 1e-3, _SMOOTH),
-    **dict.fromkeys(
-        ("peak_lateral_force", "peak_twist_moment", "peak_yaw_moment"),
-        ("relative", 5e-3, 1e-6, _ACROSS),
-    ),
-    "peak_deviation_x": ("relative", 2e-3, 1e-9, _SMOOTH),
-    "peak_deviation_alpha": ("relative", 2e-3, 1e-9, _SMOOTH),
-    "permanent_curvature": ("relative", 5e-3, 1e-6, _SMOOTH),
-    "permanent_end_slope": ("relative", 5e-3, 1e-6, _SMOOTH),
-    "curvature_before_release": ("relative", 2e-3, 1e-6, _SMOOTH),
-    "peak_surface_strain": ("relative", 2e-3, 1e-8, _SMOOTH),
-    "oscillation": ("relative", 5e-3, 1e-6, _SMOOTH),
-    "oscillation_frequency": ("relative", 0.02, 0.1, "from extremes on a grid of 28 ms"),
-    "oscillation_growth": ("relative", 0.02, 0.1, "from extremes on a grid of 28 ms"),
+_SIZES: dict[str, _Size] = {
     "ik_residual_max": ("absolute", 1e-6, 0.0, _SOLVER),
     "ik_rotation_residual_max": ("absolute", 1e-6, 0.0, _SOLVER),
     "saturated_cycles": ("absolute", 1.0, 0.0, "a count of cycles above a bound; one may be on it"),
     "simulated_time": ("absolute", 0.014, 0.0, "half a cycle"),
-    "holes_seated": ("absolute", 0.0, 0.0, _COUNT),
-    "retries": ("absolute", 0.0, 0.0, _COUNT),
-    "worst_hole_offset": ("absolute", 1e-4, 0.0, _REST),
-    "worst_hole_height": ("absolute", 5e-6, 0.0, "a hundredth of what seated allows"),
-    "peak_pin_force": ("relative", 0.02, 0.05, _CONTACT),
-    "peak_edge_force": ("relative", 0.02, 0.05, _CONTACT),
-    "yield_strain": ("relative", 1e-6, 0.0, "a quotient of two settings"),
-    "middle_spacing_error": (
-        "absolute",
-        5e-7,
-        0.0,
-        "a tenth of what is found without misalignment",
-    ),
 }
-
-_ASSEMBLY_SIZES: dict[str, tuple[Literal["relative", "absolute"], float, float, str]] = {
-    "peak_moment": ("relative", 5e-3, 1e-6, _CONTACT),
-    "peak_force": ("relative", 0.02, 0.05, _CONTACT),
-    "peak_surface_strain": ("relative", 5e-3, 1e-8, _CONTACT),
-    "simulated_time": ("absolute", 0.28, 0.0, "phases end on readings: ten cycles"),
-}
+"""Of the metrics that a run of any task has; the others are those of their task."""
 
 _BETTER: dict[str, Better] = {
     "holes_seated": "higher",
@@ -108,24 +68,28 @@ _BETTER: dict[str, Better] = {
 }
 
 
+def _sizes(task: str) -> dict[str, _Size]:
+    return {**_SIZES, **TASKS[task].part("tolerances")}
+
+
 def default_tolerance(
-    metric: str, value: float | list[float | None] | None, assembly: bool
+    metric: str, value: float | list[float | None] | None, task: str
 ) -> Tolerance:
-    """Return the tolerance that a metric is first written with, by its name and the kind of run."""
-    sizes = {**_SIZES, **(_ASSEMBLY_SIZES if assembly else {})}
+    """Return the tolerance that a metric is first written with, by its name and the run's task."""
+    sizes = _sizes(task)
     if metric not in sizes:
         return _UNKNOWN
-    kind, size, floor, reason = sizes[metric]
+    kind, size, at_zero, reason = sizes[metric]
     if value is None:
         return Tolerance(kind="absolute", reason="there is none here")
     if kind == "relative" and value == 0.0:
-        return Tolerance(kind="absolute", size=floor, reason=_NEVER)
+        return Tolerance(kind="absolute", size=at_zero, reason=_NEVER)
     return Tolerance(kind=kind, size=size, reason=reason)
 
 
-def better_where(metric: str) -> Better:
+def better_where(metric: str, task: str) -> Better:
     """Return in which direction a metric improves; most are peaks and errors, the lower the better.
 
-    One that this module does not know has neither.
+    One that its task has no tolerance for has neither.
     """
-    return _BETTER.get(metric, "lower" if metric in _SIZES else "neither")
+    return _BETTER.get(metric, "lower" if metric in _sizes(task) else "neither")

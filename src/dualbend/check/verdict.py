@@ -6,17 +6,16 @@ It means that the baseline no longer says what the code does.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal, TypeVar
+from itertools import zip_longest
+from typing import Literal
 
 import msgspec
 
-from dualbend.check.baseline import Baseline, Entry, Gate, Value
+from dualbend.check.baseline import Baseline, Entry, Gate
 from dualbend.check.measure import Measured
-from dualbend.check.tolerances import better_where
+from dualbend.check.tolerances import Better, better_where
 from dualbend.evaluation.peaks import Place
 from dualbend.run.record import Metric
-
-_T = TypeVar("_T")
 
 ENGINE = "mujoco"
 """The package whose version is the physics engine's."""
@@ -31,7 +30,7 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
     """One value against its baseline's.
 
     ``metric`` has its index where the metric has several values. ``place``: of the new value, where
-    it is a peak's. ``cause``: of a failure, as far as the baseline's versions tell.
+    it is a peak's. ``cause``: of a change, as far as the baseline's versions tell.
     """
 
     scenario: str
@@ -59,7 +58,7 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Verdicts(msgspec.Struct, frozen=True, kw_only=True):
-    """What was found: a row a value, and of each scenario what else is not the baseline's."""
+    """The findings, one per value, and what else of each scenario is not the baseline's."""
 
     findings: list[Finding]
     notes: dict[str, list[str]]
@@ -72,22 +71,17 @@ class Verdicts(msgspec.Struct, frozen=True, kw_only=True):
 
 def compare(baseline: Baseline, measured: Sequence[Measured]) -> Verdicts:
     """Compare what was measured with the baseline; a scenario or metric that it lacks is new."""
-    findings: list[Finding] = []
-    notes: dict[str, list[str]] = {}
-    for one in measured:
-        entry = baseline.scenarios.get(one.name)
-        notes[one.name] = [] if entry is None else _differences(entry, one)
-        cause = "" if entry is None else _cause(entry, one)
-        for finding in (_outcome(entry, one), *_metrics(entry, one)):
-            blamed = msgspec.structs.replace(finding, cause=cause) if finding.failed else finding
-            findings.append(blamed)
-    return Verdicts(findings=findings, notes=notes)
+    entries = [(baseline.scenarios.get(one.name), one) for one in measured]
+    return Verdicts(
+        findings=[finding for entry, one in entries for finding in _findings(entry, one)],
+        notes={one.name: _differences(entry, one) if entry else [] for entry, one in entries},
+    )
 
 
-def _outcome(entry: Entry | None, one: Measured) -> Finding:
-    old = None if entry is None else entry.outcome
-    verdict: Verdict = "new" if old is None else "ok" if old == one.outcome else "changed"
-    return Finding(
+def _findings(entry: Entry | None, one: Measured) -> Iterator[Finding]:
+    old = entry.outcome if entry else None
+    cause = _cause(entry, one) if entry else ""
+    yield Finding(
         scenario=one.name,
         metric=OUTCOME,
         unit="",
@@ -95,52 +89,39 @@ def _outcome(entry: Entry | None, one: Measured) -> Finding:
         new=one.outcome,
         allowed="the same",
         reason=one.reason,
-        verdict=verdict,
+        verdict="new" if old is None else "ok" if old == one.outcome else "changed",
         place=one.end,
+        cause=cause,
     )
-
-
-def _metrics(entry: Entry | None, one: Measured) -> Iterator[Finding]:
-    gates = {} if entry is None else entry.metrics
+    gates = entry.metrics if entry else {}
     # A refused scenario has no metrics, and its outcome has said so.
-    gone = [name for name in gates if name not in one.metrics] if one.metrics else []
-    for name in sorted([*one.metrics, *gone]):
+    for name in sorted({*one.metrics, *(gates if one.metrics else ())}):
         gate, metric = gates.get(name), one.metrics.get(name)
-        old, new = gate.value if gate else None, metric.value if metric else None
-        several = isinstance(old, list) or isinstance(new, list)
-        olds, news, places = _values(old), _values(new), one.places.get(name, [])
-        for i in range(max(len(olds), len(news))):
-            finding = _element(gate, metric, _item(olds, i), _item(news, i), name)
-            yield msgspec.structs.replace(
-                finding,
+        (olds, news), places = map(_listed, (gate, metric)), one.places.get(name, [])
+        several = any(given and isinstance(given.value, list) for given in (gate, metric))
+        for i, (before, now, place) in enumerate(zip_longest(olds, news, places)):
+            improved = better_where(name, one.task)
+            yield Finding(
                 scenario=one.name,
                 metric=f"{name}[{i}]" if several else name,
-                place=_item(places, i),
+                unit=metric.unit if metric else gate.unit if gate else "",
+                old=before,
+                new=now,
+                allowed=gate.tolerance.in_words(gate.unit) if gate else "",
+                reason=gate.tolerance.reason if gate else "",
+                verdict=_verdict(gate, metric, before, now, improved) if gate else "new",
+                place=place,
+                cause=cause,
             )
 
 
-def _element(
-    gate: Gate | None, metric: Metric | None, old: float | None, new: float | None, name: str
-) -> Finding:
-    """Judge one value of a metric; where it is from is added by the caller."""
-    unit = metric.unit if metric else gate.unit if gate else ""
-    verdict: Verdict = "new"
-    if gate is not None:
-        verdict = _verdict(gate, metric, old, new, name)
-    return Finding(
-        scenario="",
-        metric=name,
-        unit=unit,
-        old=old,
-        new=new,
-        allowed=gate.tolerance.in_words(gate.unit) if gate else "",
-        reason=gate.tolerance.reason if gate else "",
-        verdict=verdict,
-    )
+def _listed(given: Gate | Metric | None) -> Sequence[float | None]:
+    value = given.value if given else None
+    return value if isinstance(value, list) else [value]
 
 
 def _verdict(
-    gate: Gate, metric: Metric | None, old: float | None, new: float | None, name: str
+    gate: Gate, metric: Metric | None, old: float | None, new: float | None, improved: Better
 ) -> Verdict:
     if gate.tolerance.kind == "none":
         return "not gated"
@@ -148,18 +129,9 @@ def _verdict(
         return "changed"
     if old is None or new is None or gate.tolerance.allows(old, new):
         return "ok"
-    better = better_where(name)
-    if better == "neither":
+    if improved == "neither":
         return "changed"
-    return "better" if (abs(new) < abs(old)) == (better == "lower") else "worse"
-
-
-def _values(value: Value) -> Sequence[float | None]:
-    return value if isinstance(value, list) else [value]
-
-
-def _item(items: Sequence[_T | None], i: int) -> _T | None:
-    return items[i] if i < len(items) else None
+    return "better" if (abs(new) < abs(old)) == (improved == "lower") else "worse"
 
 
 def _differences(entry: Entry, one: Measured) -> list[str]:

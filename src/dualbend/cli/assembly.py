@@ -11,7 +11,7 @@ import click
 from dualbend.cli.common import EXIT_INTERRUPTED, SETTINGS, complete_scenarios, examples, shown
 
 
-@click.command(epilog=examples("dualbend plan pwb --set assembly.layout.holes.clearance_m=1e-4"))
+@click.command(epilog=examples("dualbend plan pwb --set task.layout.holes.clearance_m=1e-4"))
 @click.argument("scenario", shell_complete=complete_scenarios)
 @SETTINGS
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -56,7 +56,7 @@ def robustness(
 ) -> None:
     """Assemble many sheets with errors, with and without compliance.
 
-    Random errors are drawn with the standard deviations of assembly.spread. The same command
+    Random errors are drawn with the standard deviations of task.spread. The same command
     continues a study that was interrupted.
     """
     from dualbend.errors import InputError
@@ -74,16 +74,14 @@ def robustness(
         length=0, label=loaded.name, file=sys.stderr, hidden=not sys.stderr.isatty()
     ) as bar:
 
-        def show(count: int, total: int) -> None:
+        def show(count: int, total: int, _: object) -> None:
             nonlocal done
             bar.length = total
             bar.update(count - done)
             done = count
 
         try:
-            trials = run_study(
-                loaded, folder, runs=runs, seed=seed, workers=processes, on_trial=show
-            )
+            trials = run_study(loaded, folder, runs=runs, seed=seed, workers=processes, on_run=show)
         except KeyboardInterrupt:
             interrupted = True
     if interrupted:

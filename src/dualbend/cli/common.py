@@ -36,7 +36,7 @@ def complete_scenarios(
     _: click.Context, __: click.Parameter, incomplete: str
 ) -> list[CompletionItem]:
     """Offer the shipped scenarios and the TOML files to the shell."""
-    from dualbend.scenario.completion import complete_scenario
+    from dualbend.scenario.shipped import complete_scenario
 
     return complete_scenario(incomplete)
 

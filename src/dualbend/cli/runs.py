@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @click.command(
     epilog=examples(
-        "dualbend run fig8 --out runs/fig8 --set alter.delay_cycles=3",
+        "dualbend run fig8 --out runs/fig8 --set robot.alter.delay_cycles=3",
         "dualbend run mine.toml --seed 2 --no-record",
         "dualbend run pwb --view",
     )

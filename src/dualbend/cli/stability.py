@@ -44,15 +44,17 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option(
-    "--confront",
-    "confronted",
+    "--validate",
+    "validated",
     is_flag=True,
     help="Validate against simulation: bisect the onset of oscillation; takes minutes.",
 )
+@click.option("--confront", "renamed", is_flag=True, hidden=True)
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder of the onset study; cases that are in it are not run again.",
+    help="Folder of the onset study; cases that are in it are not run again.  "
+    "[default: runs/NAME-onset]",
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Processes of the onset study.")
 @SETTINGS
@@ -63,26 +65,29 @@ def stability(
     map_b: tuple[float, float],
     map_k: tuple[float, float],
     as_json: bool,
-    confronted: bool,
+    validated: bool,
+    renamed: bool,
     out: Path | None,
     workers: int | None,
     settings: tuple[str, ...],
 ) -> None:
     """Predict the stability of the compliance.
 
-    Prints the margins along the path, without a run. With --confront, compares the prediction with
+    Prints the margins along the path, without a run. With --validate, compares the prediction with
     simulations.
     """
     from dualbend.errors import InputError
     from dualbend.scenario.load import load_scenario
     from dualbend.stability.prediction import predict
 
+    if renamed:
+        raise InputError("--confront is --validate now")
     loaded = load_scenario(scenario, settings)
-    if confronted:
-        _confront(loaded, axis, out or Path("runs") / f"{loaded.name}-confront", workers, as_json)
+    if validated:
+        _validate(loaded, axis, out or Path("runs") / f"{loaded.name}-onset", workers, as_json)
         return
     if out is not None or workers is not None:
-        raise InputError("--out and --workers belong to --confront")
+        raise InputError("--out and --workers belong to --validate")
     prediction = predict(loaded, axis)
     if map_file is not None and prediction.rows:
         from dualbend.report.figures import plot_stability_map
@@ -98,7 +103,7 @@ def stability(
     _show_prediction(prediction)
 
 
-def _confront(
+def _validate(
     loaded: Scenario,
     axis: Literal["x", "rotation", "coupled"],
     folder: Path,
@@ -106,19 +111,19 @@ def _confront(
     as_json: bool,
 ) -> None:
     """Bisect, print each case when it is found, and write numbers, table and picture."""
-    from dualbend.study.onset.bisection import AXES, confront
-    from dualbend.study.onset.figure import plot_confrontation
+    from dualbend.study.onset.bisection import AXES, onset_study
+    from dualbend.study.onset.figure import plot_onsets
     from dualbend.study.onset.report import describe_case, summary, write_report
+    from dualbend.study.onset.results import Case
 
-    found = confront(
-        loaded,
-        axes=AXES if axis == "coupled" else (axis,),
-        workers=workers,
-        folder=folder,
-        progress=lambda done, of, case: click.echo(f"{done}/{of}  {describe_case(case)}", err=True),
-    )
+    def tell(done: int, total: int, case: Case | None) -> None:
+        if case is not None:
+            click.echo(f"{done}/{total}  {describe_case(case)}", err=True)
+
+    axes = AXES if axis == "coupled" else (axis,)
+    found = onset_study(loaded, axes=axes, workers=workers, folder=folder, on_run=tell)
     write_report(found, folder)
-    plot_confrontation(loaded, found, folder / "confrontation.png")
+    plot_onsets(loaded, found, folder / "onset.png")
     if as_json:
         import msgspec
 
@@ -147,17 +152,15 @@ def _show_prediction(prediction: Prediction) -> None:
 
 
 def _table(rows: Sequence[Row]) -> str:
-    from dualbend.table import Column, Table
+    from dualbend.table import Columns, Table, quantity
 
-    def right(name: str, spec: str) -> Column:
-        return Column(name, format=spec, right=True)
-
-    columns = (
-        *(right("rad", ".2f"), right("N/mm", ".3f"), right("N m/rad", ".3f"), Column("verdict")),
-        *(right("gain\nmargin", ".2f"), right("phase\ndeg", ".0f"), right("delay\nms", ".0f")),
-        *(right("Hz", ".2f"), right("damping", ".2f"), right("growth\n1/s", ".2f")),
-        *(Column("(23)"), Column("delayed")),
+    numbers = (
+        *(("rad", ".2f"), ("N/mm", ".3f"), ("N m/rad", ".3f"), ("gain\nmargin", ".2f")),
+        *(("phase\ndeg", ".0f"), ("delay\nms", ".0f"), ("Hz", ".2f"), ("damping", ".2f")),
+        ("growth\n1/s", ".2f"),
     )
+    found = [quantity(name, spec=spec) for name, spec in numbers]
+    columns: Columns = [*found[:3], "verdict", *found[3:], "(23)", "delayed"]
     lines = [
         (
             *(row.alpha_rad, row.stiffness_x_n_per_m / 1e3, row.stiffness_rotation_nm_per_rad),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
@@ -29,11 +28,12 @@ def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | No
     FILE defines the keys and values (docs/sweeps.md), or is the folder of a sweep. The same command
     continues a sweep that was interrupted. For a finished sweep it writes table and pictures again.
     """
+    from dualbend.study.processes import in_processes
     from dualbend.study.sweep.design import make_design
     from dualbend.study.sweep.file import load_sweep
     from dualbend.study.sweep.progress import Progress
     from dualbend.study.sweep.report import report_lines, write_report
-    from dualbend.study.sweep.run import locally, run_sweep
+    from dualbend.study.sweep.run import run_sweep
 
     if workers is not None and scheduler is not None:
         click.echo(
@@ -44,14 +44,14 @@ def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | No
     loaded = load_sweep(file)
     design = make_design(loaded)
     folder = out or (file if file.is_dir() else Path("runs") / loaded.name)
-    runs = locally(workers or os.cpu_count() or 1)
+    place = in_processes(workers)
     if scheduler is not None:
-        from dualbend.study.sweep.dask import on_cluster
+        from dualbend.study.cluster import on_cluster
 
-        runs = on_cluster(scheduler, lambda note: click.echo(note, err=True))
+        place = on_cluster(scheduler, lambda note: click.echo(note, err=True))
     progress = Progress()
     try:
-        rows = run_sweep(loaded, design, folder, runs, on_run=progress)
+        rows = run_sweep(loaded, design, folder, place, on_run=progress)
     except KeyboardInterrupt:
         progress.end_line()
         click.echo(

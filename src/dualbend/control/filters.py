@@ -10,54 +10,69 @@ Read `LowPass.minus_3db_hz` and `LowPass.group_delay_s` rather than the configur
 
 import math
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
-from dualbend.types import Vector
+from dualbend.errors import InputError
+from dualbend.types import Tagged, Vector
 
 NYQUIST_HZ = 0.5 / COMMAND_PERIOD_S
 """Half the command rate [Hz], 17.857."""
 
 
-class LowPassConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Which low-pass filter the wrench goes through before the admittance.
+class _CutOff(Tagged, frozen=True, kw_only=True):
+    """A low-pass filter with a design cut-off.
 
     Raises
     ------
-    ValueError
+    InputError
         The cut-off is not below Nyquist (17.857 Hz).
     """
 
-    kind: Annotated[
-        Literal["fir", "iir", "none"],
-        msgspec.Meta(description="fir: windowed sinc; iir: Butterworth; none: no filter"),
-    ] = "fir"
     cutoff_hz: Annotated[
         float, msgspec.Meta(gt=0, description="design cut-off, below 17.857 [Hz]")
     ] = 10.0
-    taps: Annotated[int, msgspec.Meta(ge=1, le=64, description="length of the FIR [samples]")] = 3
-    window: Annotated[
-        Literal["hamming", "boxcar"], msgspec.Meta(description="window of the FIR design")
-    ] = "hamming"
-    order: Annotated[int, msgspec.Meta(ge=1, le=8, description="order of the Butterworth IIR")] = 2
 
     def __post_init__(self) -> None:
-        if self.kind != "none" and not self.cutoff_hz < NYQUIST_HZ:
-            raise ValueError(
+        if not self.cutoff_hz < NYQUIST_HZ:
+            raise InputError(
                 f"cutoff_hz = {self.cutoff_hz!r}: must be below {NYQUIST_HZ:.3f} Hz, half the "
                 f'command rate of {1.0 / COMMAND_PERIOD_S:.3f} Hz; or set kind = "none"'
             )
 
 
+class FirConfig(_CutOff, frozen=True, kw_only=True, tag="fir"):
+    """A windowed sinc of linear phase filters the wrench before the compliance."""
+
+    taps: Annotated[int, msgspec.Meta(ge=1, le=64, description="length of the FIR [samples]")] = 3
+    window: Annotated[
+        Literal["hamming", "boxcar"], msgspec.Meta(description="window of the FIR design")
+    ] = "hamming"
+
+
+class IirConfig(_CutOff, frozen=True, kw_only=True, tag="iir"):
+    """A Butterworth filter smooths the wrench before the compliance."""
+
+    order: Annotated[int, msgspec.Meta(ge=1, le=8, description="order of the Butterworth IIR")] = 2
+
+
+class NoFilterConfig(Tagged, frozen=True, kw_only=True, tag="none"):
+    """The wrench goes to the compliance as it is read."""
+
+
+LowPassConfig: TypeAlias = FirConfig | IirConfig | NoFilterConfig
+"""Which low-pass filter the wrench goes through before the compliance."""
+
+
 def _design(config: LowPassConfig) -> TransferFunction:
     rate_hz = 1.0 / COMMAND_PERIOD_S
-    if config.kind == "none":
+    if isinstance(config, NoFilterConfig):
         return np.ones(1), np.ones(1)
-    if config.kind == "fir":
+    if isinstance(config, FirConfig):
         return _windowed_sinc(config), np.ones(1)
     from scipy import signal  # noqa: PLC0415 - 1 s to import; a FIR needs none of it
 
@@ -65,7 +80,7 @@ def _design(config: LowPassConfig) -> TransferFunction:
     return np.asarray(numerator, dtype=np.float64), np.asarray(denominator, dtype=np.float64)
 
 
-def _windowed_sinc(config: LowPassConfig) -> Vector:
+def _windowed_sinc(config: FirConfig) -> Vector:
     """Return the taps of `scipy.signal.firwin` (tested), of unit gain at standstill."""
     middle = np.arange(config.taps) - (config.taps - 1) / 2.0
     taps = np.sinc(2.0 * config.cutoff_hz * COMMAND_PERIOD_S * middle)

@@ -20,8 +20,8 @@ _COULOMB_SPEED_RAD_PER_S = 1e-4
 """Reference speed at which most of the Coulomb friction is fed forward: smooths its sign."""
 
 
-class JointServoConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Stiffness and damping of the joint servos; each arm has a stiffness of its own by default."""
+class StiffnessConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Stiffness of the joint servos; each arm has one of its own by default."""
 
     stiffness_n_m_per_rad: (
         Annotated[
@@ -29,11 +29,16 @@ class JointServoConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
             msgspec.Meta(
                 min_length=6,
                 max_length=20,
-                description="one a joint, base to flange, what a load feels; none: the arm's own",
+                description="one per joint, base to flange, what a load feels; none: the arm's own",
             ),
         ]
         | None
     ) = None
+
+
+class JointServoConfig(StiffnessConfig, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Stiffness and damping of the joint servos; each arm has a stiffness of its own by default."""
+
     damping_ratio: Annotated[
         float, msgspec.Meta(gt=0, le=5, description="ζ of each joint by itself, 1 is critical [-]")
     ] = 1.0

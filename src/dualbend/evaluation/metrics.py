@@ -17,7 +17,6 @@ from dualbend.evaluation.sheet import sheet_report
 from dualbend.run.arms import arm_pair
 from dualbend.run.record import Metric, RunRecord, Summary, TableRow
 from dualbend.scenario.motion import PHASES
-from dualbend.scenario.path import make_path
 from dualbend.types import Vector
 
 OSCILLATION_ABOVE_HZ = 1.0
@@ -59,7 +58,7 @@ def peak_by_piece(result: RunRecord) -> list[float]:
     the end of the moment of the one before. NaN for a piece that is shorter than a cycle.
     """
     scenario, rows = result.scenario, bending_rows(result)
-    knots = make_path(scenario.path, scenario.sheet.length_m).knots
+    knots = scenario.path.make(scenario.sheet.length_m).knots
     alpha = result.trace["nominal_alpha"][rows]
     moment = np.abs(sensing_column(result, "true_moment_y")[rows])
     piece = np.clip(np.searchsorted(knots, alpha, side="right") - 1, 0, len(knots) - 2)
@@ -71,7 +70,7 @@ def peak_by_piece(result: RunRecord) -> list[float]:
 def surface_strain(result: RunRecord) -> Vector:
     """Return the largest surface strain of each row, ε = |Δθ| t / (2 h) (rows,)."""
     config, sheet = result.scenario.sheet, result.scenario.sheet.sheet()
-    spacing = sheet.length_m / config.sections
+    spacing = sheet.length_m / config.model.sections
     curvature = np.abs(result.trace.bends).max(axis=1, initial=0.0) / spacing
     return np.asarray(curvature * sheet.thickness_m / 2.0)
 

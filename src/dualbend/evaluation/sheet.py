@@ -15,7 +15,6 @@ from dualbend.beam import elastica
 from dualbend.beam.rigidity import Rigidity, searle_parameter
 from dualbend.beam.rod import planar as rod
 from dualbend.beam.sheet import Sheet
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import substance
 
@@ -118,7 +117,7 @@ def nominal_strain(scenario: Scenario) -> float:
     Where the rod is not solved (near the flat state), the zero-moment elastica stands in.
     """
     sheet = scenario.sheet.sheet()
-    path = make_path(scenario.path, sheet.length_m)
+    path = scenario.path.make(sheet.length_m)
     start, end = scenario.path.start_rad, scenario.path.end_rad
     alphas = np.linspace(max(start, 0.05 * end), end, _POINTS).tolist()
     states = rod.follow_symmetric(

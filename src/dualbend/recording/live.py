@@ -195,7 +195,7 @@ class LiveRecording:
     def _log(self, result: RunRecord, *, ended: bool) -> None:
         """Log the rows that are new; the scene is computed for them and a few before."""
         rows, done = result.trace.rows, self._streamed
-        begin = max(done - FRAME_CYCLES - result.scenario.alter.delay_cycles - 1, 0)
+        begin = max(done - FRAME_CYCLES - result.scenario.robot.alter.delay_cycles - 1, 0)
         times = row_times(result.trace)
         log = RecordingLog(self._stream, times, done=done, ended=ended)
         if not done:

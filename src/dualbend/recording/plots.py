@@ -25,7 +25,7 @@ def log_wrench(log: RecordingLog, result: RunRecord, quantity: str, column: str,
         for side, colour, width in (("left", _WHITE, 2.5), ("right", _CREAM, 1.0))
     ]
     log.lines(f"{quantity}/true", *truth)
-    for side in result.scenario.arms.sensing:
+    for side in result.scenario.compliance.sensing:
         bright, dull = _SIDE_COLOURS[side]
         measured, filtered = (trace[f"{side}_{kind}_{column}"] for kind in ("measured", "filtered"))
         log.lines(

@@ -30,7 +30,7 @@ from dualbend.recording.scales import Scales, diverging_colours
 from dualbend.run.permanent_set import hinge_moments
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import Trace
-from dualbend.scene.sheet.shell import vertex_body
+from dualbend.scene.sheet.shell import ShellConfig, vertex_body
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, strip_body
 from dualbend.types import SIDES, Vector
 
@@ -163,8 +163,9 @@ def _triangles(lines: int) -> NDArray[np.intp]:
 
 def _ribbon(result: RunRecord, motion: Motion) -> Vector:
     """Return the sheet's two long edges, one after the other (rows, 2 (hinges + 2), 3)."""
-    if result.scenario.sheet.model == "shell":
-        return _shell_ribbon(result, motion)
+    config = result.scenario.sheet.model
+    if isinstance(config, ShellConfig):
+        return _shell_ribbon(result, config, motion)
     hinges = result.trace.bends.shape[1]
     strips = [result.model.body(strip_body(i)).id for i in range(hinges + 1)]
     # The middle strip's frame is at its centre, that of every other at its hinge.
@@ -177,9 +178,8 @@ def _ribbon(result: RunRecord, motion: Motion) -> Vector:
     return np.concatenate((places - across, places + across), axis=1)
 
 
-def _shell_ribbon(result: RunRecord, motion: Motion) -> Vector:
+def _shell_ribbon(result: RunRecord, shell: ShellConfig, motion: Motion) -> Vector:
     """Return the same of a plate; the columns that the grips hold are on the way to the next."""
-    shell = result.scenario.sheet.shell
     edges = []
     for row in (0, shell.cells_across + 1):
         free = [result.model.body(vertex_body(i, row)).id for i in range(2, shell.cells_along)]

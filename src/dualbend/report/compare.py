@@ -9,7 +9,7 @@ import msgspec
 
 from dualbend.errors import InputError
 from dualbend.run.record import Metric, RunRecord
-from dualbend.table import Column, Table
+from dualbend.table import Column, Columns, Table
 
 _NONE = "-"
 _OWN_CONTROLLER = "the scenario's own"
@@ -86,13 +86,13 @@ def labels(a: RunRecord, b: RunRecord) -> tuple[str, str]:
 def report_text(found: Comparison) -> str:
     """Return the comparison as text."""
     a, b = (Column(label, format=".5g") for label in found.labels)
-    columns = [Column(""), a, b, Column("change"), Column("unit")]
+    columns: Columns = ["", a, b, "change", "unit"]
     rows: list[tuple[object, ...]] = [("outcome", *found.outcomes)]
     rows += [(row.name, row.a, row.b, _percent(row.change), row.unit) for row in found.metrics]
     parts = [Table(columns, rows).text()]
     for title, items in (("settings", found.settings), ("versions", found.versions)):
         differing = Table(
-            [Column(f"{title} that differ"), a, b], [(item.name, item.a, item.b) for item in items]
+            [f"{title} that differ", a, b], [(item.name, item.a, item.b) for item in items]
         )
         parts.append(differing.text() if items else f"{title}: the same")
     return "\n\n".join(parts)

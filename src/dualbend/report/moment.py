@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +12,7 @@ from dualbend.evaluation.recorded_rod import recorded_rods
 from dualbend.evaluation.sheet import no_theory
 from dualbend.report.plot import Axis, Colour, Curve, Plot, Ranges
 from dualbend.run.record import RunRecord
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
-from dualbend.types import Vector
 
 Rows = NDArray[np.intp]
 
@@ -28,19 +24,12 @@ _FIRST_RAD = 2e-3
 """The flat rod's end force is indeterminate."""
 
 
-@dataclass(frozen=True)
-class _Look:
-    column: str
-    colour: Colour
-    width: float
-    dash: Literal["solid", "dashed", "dotted"] = "solid"
-
-
-_RECORDED = {
-    "raw": _Look("measured", "grey", 0.8),
-    "filtered": _Look("filtered", "orange", 1.2),
-    "true": _Look("true", "blue", 2.2),
-}
+_RECORDED: tuple[tuple[str, str, Colour, float], ...] = (
+    ("raw", "measured", "grey", 0.8),
+    ("filtered", "filtered", "orange", 1.2),
+    ("true", "true", "blue", 2.2),
+)
+"""Name, column, colour and width of what was recorded."""
 
 
 def is_bending(run: RunRecord) -> NDArray[np.bool_]:
@@ -59,10 +48,16 @@ def bending_rows(run: RunRecord) -> Rows:
 
 def recorded_moments(run: RunRecord, rows: Rows | NDArray[np.bool_]) -> list[Curve]:
     """Return raw, filtered and true moment at the sensing gripper [mN m] over the angle [rad]."""
-    alpha = run["nominal_alpha"][rows]
+    alpha, side = run["nominal_alpha"][rows], run.sensing_side
     return [
-        _curve(name, look, alpha, run[f"{run.sensing_side}_{look.column}_moment_y"][rows])
-        for name, look in _RECORDED.items()
+        Curve(
+            name=name,
+            x=alpha,
+            y=1e3 * run[f"{side}_{column}_moment_y"][rows],
+            colour=colour,
+            width=width,
+        )
+        for name, column, colour, width in _RECORDED
     ]
 
 
@@ -74,7 +69,7 @@ def moment_curves(run: RunRecord) -> list[Curve]:
 
 def reference_on_path(scenario: Scenario) -> Curve:
     """Return the rod's end moment [mN m] between grippers that follow the nominal path exactly."""
-    sheet, path = scenario.sheet.sheet(), make_path(scenario.path, scenario.sheet.length_m)
+    sheet, path = scenario.sheet.sheet(), scenario.path.make(scenario.sheet.length_m)
     start = max(float(path.knots[0]), _FIRST_RAD)
     grid = np.linspace(start, float(path.knots[-1]), _POINTS)
     alphas = np.union1d(grid, path.knots[path.knots > start])
@@ -86,7 +81,8 @@ def reference_on_path(scenario: Scenario) -> Curve:
         axial_stiffness_n=sheet.axial_stiffness_n,
     )
     moment = np.array([state.end_moment_nm if state.converged else np.nan for state in states])
-    return _curve("reference, nominal", _Look("", "green", 1.4, "dashed"), alphas, moment)
+    name, y = "reference, nominal", 1e3 * moment
+    return Curve(name=name, x=alphas, y=y, colour="green", width=1.4, dash="dashed")
 
 
 def reference_at_ends(run: RunRecord) -> Curve:
@@ -99,19 +95,13 @@ def reference_at_ends(run: RunRecord) -> Curve:
             for s in recorded_rods(run, run.scenario.sheet.sheet(), "edge", chosen)
         ]
     )
-    look = _Look("", "purple", 1.4, "dotted")
-    return _curve("reference, recorded", look, run["nominal_alpha"][chosen], moment)
-
-
-def _curve(name: str, look: _Look, alpha: Vector, moment_nm: Vector) -> Curve:
-    return Curve(
-        name=name, x=alpha, y=1e3 * moment_nm, colour=look.colour, width=look.width, dash=look.dash
-    )
+    name, x, y = "reference, recorded", run["nominal_alpha"][chosen], 1e3 * moment
+    return Curve(name=name, x=x, y=y, colour="purple", width=1.4, dash="dotted")
 
 
 def knots_of(scenario: Scenario) -> list[float]:
     """Return the end slopes where the pieces of a scenario's path meet [rad]."""
-    knots: list[float] = make_path(scenario.path, scenario.sheet.length_m).knots.tolist()
+    knots: list[float] = scenario.path.make(scenario.sheet.length_m).knots.tolist()
     return knots
 
 

@@ -50,7 +50,7 @@ def sheet_points(run: RunRecord, row: int) -> tuple[Vector, Vector, Vector]:
     Strips and plate alike bend at n places, (i + 1/2) L/n. θ grows by each one's angle;
     x' = cos θ, z' = −sin θ, in the planar frame of the rod.
     """
-    sections, length = run.scenario.sheet.sections, run.scenario.sheet.length_m
+    sections, length = run.scenario.sheet.model.sections, run.scenario.sheet.length_m
     bends = [float(run[f"bend_{i:03d}"][row]) for i in range(sections)]
     start = [float(run[f"left_edge_{part}"][row]) for part in ("x", "z", "alpha")]
     theta = start[2] + np.concatenate([[0.0], np.cumsum(bends)])

@@ -13,7 +13,7 @@ from dualbend.arm.model import arm_model
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
-from dualbend.table import Code, Column, Table
+from dualbend.table import Code, Table, quantity
 
 _LISTED = (
     *("name", "joint_names", "payload_kg", "reach_m", "range_rad", "speed_limit_rad_per_s"),
@@ -45,7 +45,7 @@ def judge_arms(scenario: str, settings: Sequence[str] = ()) -> Iterator[dict[str
     ``refused`` the reason of an arm that cannot do it.
     """
     for name in JOINT_COUNT:
-        both = (f'arm.model="{name}"', "arm.left=none", "arm.right=none")
+        both = (f'robot.model="{name}"', "robot.left.model=none", "robot.right.model=none")
         try:
             ready = make_run(load_scenario(scenario, (*settings, *both)))
         except InputError as error:
@@ -68,8 +68,8 @@ def table_text(rows: Sequence[dict[str, Any]]) -> str:
         reach, payload = f"{row['reach_m']:.3g} m", f"{row['payload_kg']:.3g} kg"
         lines.append((row["name"], row["joints"], reach, payload, row["source"]))
         lines += [("", "", "", "", note) for note in _grade(row)]
-    numbers = [Column(name, right=True) for name in ("joints", "reach", "payload")]
-    return Table([Column("name"), *numbers, Column("source; grade")], lines).text()
+    numbers = [quantity(name) for name in ("joints", "reach", "payload")]
+    return Table(["name", *numbers, "source; grade"], lines).text()
 
 
 def table_markdown(rows: Sequence[dict[str, Any]]) -> str:
@@ -88,7 +88,7 @@ def table_markdown(rows: Sequence[dict[str, Any]]) -> str:
         for row in rows
         if "missing" not in row
     ]
-    return Table([Column(name) for name in columns], lines).markdown()
+    return Table(columns, lines).markdown()
 
 
 def _grade(row: dict[str, Any]) -> list[str]:

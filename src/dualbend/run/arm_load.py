@@ -11,7 +11,7 @@ from dualbend.arm.pair import ArmPair
 from dualbend.beam import elastica
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.errors import InputError
-from dualbend.scenario.path import make_path
+from dualbend.scenario.path import PiecesPathConfig, PiecewisePathConfig, TablePathConfig
 from dualbend.scenario.scenario import Scenario
 from dualbend.types import SIDES, Side, Vector
 
@@ -77,8 +77,9 @@ def sheet_load(scenario: Scenario) -> Vector:
 def _longest_piece(scenario: Scenario) -> float:
     """Return the end slope [rad] of the longest straight piece; 0 of a path that has none."""
     path = scenario.path
-    if path.kind == "piecewise" or (path.kind == "table" and not path.smooth):
-        return float(np.diff(make_path(path, scenario.sheet.length_m).knots).max())
+    straight = isinstance(path, TablePathConfig) and not path.smooth
+    if straight or isinstance(path, PiecewisePathConfig | PiecesPathConfig):
+        return float(np.diff(path.make(scenario.sheet.length_m).knots).max())
     return 0.0
 
 
@@ -100,8 +101,7 @@ def _refuse_payload(
 ) -> None:
     tool = float(model.body_subtreemass[model.site(f"{side}_{FT_SITE}").bodyid[0]])
     sensor = float(model.body(f"{side}_sensor").mass[0])
-    share = 0.5 if scenario.assembly is None else 1.0
-    carried = share * scenario.sheet.sheet().mass_kg
+    carried = scenario.task.carried_share * scenario.sheet.sheet().mass_kg
     if tool + sensor + carried > payload_kg:
         raise InputError(
             f"arm {name!r} on the {side} is too weak: gripper with sensor {tool + sensor:.2f} kg "

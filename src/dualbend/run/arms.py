@@ -12,7 +12,6 @@ from dualbend.arm.model import Placement, arm_model
 from dualbend.arm.pair import ArmPair, PlacedArm
 from dualbend.arm.placement import find_placement
 from dualbend.errors import InputError
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.cell import PlacementConfig
 from dualbend.types import SIDES, Side, Vector
@@ -39,7 +38,7 @@ def arm_pair(scenario: Scenario, targets: Mapping[Side, Vector] | None = None) -
 
 
 def _placed(scenario: Scenario, side: Side, targets: Mapping[Side, Vector] | None) -> PlacedArm:
-    model, given = arm_model(scenario.arm.of(side)), _by_hand(scenario, side)
+    model, given = arm_model(scenario.robot.of(side)), _by_hand(scenario, side)
     if model.placement is not None:
         given = {**vars(model.placement), **given}
     if len(given) < len(_KEYS):
@@ -58,7 +57,7 @@ def path_targets(scenario: Scenario) -> Vector:
 
     In the bending frame of either arm, origin on the floor in the mid-plane.
     """
-    path = make_path(scenario.path, scenario.sheet.length_m)
+    path = scenario.path.make(scenario.sheet.length_m)
     knots = np.linspace(path.knots[0], path.knots[-1], _FEWEST)
     if len(path.knots) > _FEWEST // 2:
         knots = path.knots[np.unique(np.linspace(0, len(path.knots) - 1, _FEWEST // 2).astype(int))]
@@ -99,9 +98,12 @@ def _by_hand(scenario: Scenario, side: Side) -> dict[str, Any]:
 
 def joint_stiffness(scenario: Scenario) -> Vector:
     """Return the stiffness of all joints' servos (n,) [N m/rad]: as given, else each arm's own."""
-    given = scenario.servo.stiffness_n_m_per_rad
-    models = [arm_model(scenario.arm.of(side)) for side in SIDES]
-    return np.concatenate([m.stiffness_n_m_per_rad if given is None else given for m in models])
+    robot = scenario.robot
+    given = [
+        robot.stiffness_n_m_per_rad(side) or arm_model(robot.of(side)).stiffness_n_m_per_rad
+        for side in SIDES
+    ]
+    return np.concatenate(given)
 
 
 def one_kind(arms: ArmPair, what: str) -> ArmPair:

@@ -16,6 +16,7 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.scene.cell import compose_cell, robots_only, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.sheet.model import ShellModel
+from dualbend.scene.sheet.strips import StripConfig
 from dualbend.scene.simulation import SensorSample, Simulation
 from dualbend.types import Vector
 
@@ -47,33 +48,33 @@ class RobotCell:
         self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)
         step_s = scenario.physics.step_s
-        task, config = scenario.assembly, scenario.sheet
-        sheet = config.sheet()
-        self.sheet = sheet if task is None else task.errors.true_sheet(sheet)
-        self._shell = config.shell if config.model == "shell" else None
+        config = scenario.sheet
+        self.sheet = scenario.task.true_sheet(config.sheet())
         model = without_looks(self._compose(looks=False)).compile()
         self.simulation = Simulation(
             model,
             scenario.grasp,
-            config.strips if self._shell is None else ShellModel(model, self.sheet, self._shell),
+            config.model
+            if isinstance(config.model, StripConfig)
+            else ShellModel(model, self.sheet, config.model),
             latency_steps=scenario.sensor.latency_steps(step_s),
         )
-        self.response = CommandResponse(scenario.response, len(self.home), steps_per_cycle(step_s))
+        self.response = CommandResponse(
+            scenario.robot.response, len(self.home), steps_per_cycle(step_s)
+        )
 
     def _compose(self, *, looks: bool) -> mujoco.MjSpec:
         scenario = self.scenario
-        task = scenario.assembly
         return compose_cell(
             scenario.cell,
             self.arms,
             scenario.grasp,
             self.sheet,
-            scenario.sheet.strips,
+            scenario.sheet.model,
             self.servo,
             scenario.physics.step_s,
-            None if task is None else task.true_layout(),
-            0 if task is None else task.sheets - 1,
-            shell=self._shell,
+            scenario.task.workplace,
+            scenario.task.laid_sheets,
             looks=looks,
         )
 
@@ -96,11 +97,12 @@ class RobotCell:
     def reset(self) -> SensorSample:
         """Put the cell at rest in its start, the sheet in its zero-moment shape."""
         sheet = self.scenario.sheet
-        arcs = np.linspace(0.0, sheet.length_m, sheet.sections + 1)
+        arcs = np.linspace(0.0, sheet.length_m, sheet.model.sections + 1)
         _, _, slopes = elastica.shape(float(self.start[2]), sheet.length_m, arcs)
         self.response.reset(self.home)
         middle = np.array([0.0, 0.0, self.scenario.cell.sheet_height_m])
-        return self.simulation.reset(self.home, self.sheet.thickness_m / 2, slopes, middle)
+        simulation, opening = self.simulation, self.sheet.thickness_m / 2
+        return simulation.reset(simulation.positions(self.home, opening, slopes, middle))
 
     def send(self, q: Vector) -> SensorSample:
         """Run one command cycle towards the joint set-points (n,) [rad]."""
@@ -122,5 +124,5 @@ def make_servo(scenario: Scenario, robots: mujoco.MjModel, home: Vector) -> Join
         inertia=np.diag(inertia).copy(),
         viscous_friction=robots.dof_damping.copy().ravel(),
         coulomb_friction=robots.dof_frictionloss.copy().ravel(),
-        damping_ratio=scenario.servo.damping_ratio,
+        damping_ratio=scenario.robot.servo.damping_ratio,
     )

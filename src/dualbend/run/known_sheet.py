@@ -14,7 +14,7 @@ from dualbend.beam.rod.tangent import sheet_tangent, solve_grips
 from dualbend.beam.sheet import Sheet
 from dualbend.control.alter import AlterConfig
 from dualbend.control.clock import steps_per_cycle
-from dualbend.control.compliance.admittance import Admittance
+from dualbend.control.compliance.admittance import Admittance, ModelAdmittanceConfig
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.compliance.schedule import KnownSheet
@@ -24,11 +24,10 @@ from dualbend.mechanics.compliance import series_stiffness
 from dualbend.mechanics.coupling import Coupling, deviation_angle, wrench_response
 from dualbend.run.arms import arm_pair, joint_stiffness, one_kind
 from dualbend.scenario.scenario import Scenario
-from dualbend.scenario.sections import ArmsConfig
 from dualbend.scenario.sheet import SheetConfig
 from dualbend.scene.arm_compliance import ArmCompliance
 from dualbend.scene.cell import CellConfig, GraspConfig
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Side, Vector
 
 _FIRST_RAD, _DENSE_TO_RAD, _DENSE_RAD, _STEP_RAD = 0.01, 0.1, 0.005, 0.025
 """The tables' angles: denser where the stiffness falls steeply."""
@@ -45,16 +44,16 @@ def make_admittance(scenario: Scenario) -> Admittance:
     Raises InputError where the model's states are not found or out of reach.
     """
     config = scenario.compliance
-    if not config.modelled:
+    if not isinstance(config, ModelAdmittanceConfig) or not config.modelled:
         return Admittance(config)
     own, nominal = (
         response_model(scenario, delay_cycles=delay_cycles, channels=channels)
-        for delay_cycles, channels in ((scenario.alter.delay_cycles, 2), (0, 3))
+        for delay_cycles, channels in ((scenario.robot.alter.delay_cycles, 2), (0, 3))
     )
     return ModelAdmittance(
         config,
         known=known_sheet(scenario),
-        response=scenario.response,
+        response=scenario.robot.response,
         own=own,
         nominal=nominal,
     )
@@ -81,7 +80,7 @@ def response_model(
     ``low_pass`` and ``age_steps`` are the scenario's own where they are not given.
     """
     return ResponseModel(
-        response=scenario.response,
+        response=scenario.robot.response,
         low_pass=low_pass or scenario.filter,
         delay_cycles=delay_cycles,
         steps=steps_per_cycle(scenario.physics.step_s),
@@ -98,8 +97,8 @@ def known_sheet(scenario: Scenario) -> KnownSheet:
         one_kind(arm_pair(scenario), "a model in the compliance"),
         tuple(joint_stiffness(scenario).tolist()),
         scenario.grasp,
-        scenario.arms,
-        scenario.alter,
+        (scenario.compliance.sensing, scenario.compliance.complying),
+        scenario.robot.alter,
         scenario.path.start_rad,
         scenario.path.end_rad,
         scenario.sensor.lever_arm_m,
@@ -113,15 +112,16 @@ def _known_sheet(
     pair: ArmPair,
     stiffness: tuple[float, ...],
     grasp: GraspConfig,
-    arms: ArmsConfig,
+    sides: tuple[tuple[Side, ...], tuple[Side, ...]],
     alter: AlterConfig,
     start_rad: float,
     end_rad: float,
     lever_arm_m: float,
 ) -> KnownSheet:
     sheet, arm = sheet_config.sheet(), ArmCompliance(pair, stiffness, grasp)
-    sensing = SIDES.index(next(side for side in SIDES if side in arms.sensing))
-    arms_share = max(len(arms.complying), 1)
+    sensors, movers = sides
+    sensing = SIDES.index(next(side for side in SIDES if side in sensors))
+    arms_share = max(len(movers), 1)
     rows = []
     state: RodState | None = None
     offset_m = 0.0
@@ -134,9 +134,7 @@ def _known_sheet(
         half_distance = elastica.half_distance(alpha, sheet.length_m) + offset_m
         rise = elastica.rise(alpha, sheet.length_m)
         arm.move(np.array([-half_distance, cell.sheet_height_m + rise, alpha]))
-        coupling = Coupling.between(
-            arms.sensing, arms.complying, deviation_angle(alter.mode, alpha, start_rad)
-        )
+        coupling = Coupling.between(sensors, movers, deviation_angle(alter.mode, alpha, start_rad))
         compliance = coupling.arm_compliance(arm.compliance, arm.grasp)
         series = series_stiffness(sheet_tangent(state), compliance)
         response = wrench_response(series, sensing, coupling.source)

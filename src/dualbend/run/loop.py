@@ -87,7 +87,7 @@ class Run:
             self.cycles,
             list(self.controller.chains),
             simulation.model.nq,
-            self.scenario.sheet.sections,
+            self.scenario.sheet.model.sections,
             simulation.joints,
             self.task_columns,
         )
@@ -179,7 +179,7 @@ class Run:
         InputError
             The sheet is a shell, whose elasticity no MJCF can hold.
         """
-        if self.scenario.sheet.model == "shell":
+        if self.scenario.sheet.model.kind == "shell":
             raise InputError(
                 'sheet.model = "shell": its elasticity is written after compilation, no MJCF file '
                 'can hold it; export "strips"'
@@ -204,7 +204,7 @@ def make_controller(
     streams = np.random.SeedSequence(scenario.seed).spawn(len(SIDES))
     chains = {}
     for i, side in enumerate(SIDES):
-        if side in scenario.arms.sensing:
+        if side in scenario.compliance.sensing:
             mass, centre = tool_mass_and_centre(model, side)
             chains[i] = WrenchChain(
                 Sensor(scenario.sensor, np.random.default_rng(streams[i])),
@@ -215,10 +215,10 @@ def make_controller(
     return ComplianceController(
         chains=chains,
         admittances={i: compliance(scenario) for i in chains},
-        complying=[SIDES.index(side) for side in scenario.arms.complying],
-        delay=TransportDelay(scenario.alter.delay_cycles, 2 * len(SIDES)),
+        complying=[SIDES.index(side) for side in scenario.compliance.complying],
+        delay=TransportDelay(scenario.robot.alter.delay_cycles, 2 * len(SIDES)),
         modifications=(
-            PlanarPathModification(scenario.alter.mode),
-            PlanarPathModification(scenario.alter.mode),
+            PlanarPathModification(scenario.robot.alter.mode),
+            PlanarPathModification(scenario.robot.alter.mode),
         ),
     )

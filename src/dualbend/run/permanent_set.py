@@ -20,7 +20,7 @@ def hinge_moments(result: RunRecord) -> Vector:
     sheet = config.sheet()
     if sheet.plasticity is None:
         return np.asarray(result.bend_stiffness * bends)
-    spacing = sheet.length_m / config.strips.hinges
+    spacing = sheet.length_m / config.model.sections
     moments = hinge_springs(sheet, config.strips).follow(bends / spacing)
     return np.asarray(result.bend_stiffness * spacing * moments)
 
@@ -29,4 +29,4 @@ def permanent_curvature(result: RunRecord) -> Vector:
     """Return the curvature that each hinge would keep if let go (rows, hinges) [1/m]."""
     config = result.scenario.sheet
     unloaded = result.trace.bends - hinge_moments(result) / result.bend_stiffness
-    return np.asarray(unloaded * config.strips.hinges / config.length_m)
+    return np.asarray(unloaded * config.model.sections / config.length_m)

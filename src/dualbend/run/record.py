@@ -61,7 +61,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
 
 def task_of(scenario: Scenario) -> Task:
     """Return the task that a scenario asks for."""
-    return TASKS["bending" if scenario.assembly is None else "assembly"]
+    return TASKS[scenario.task.kind]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +123,7 @@ class RunRecord:
     @property
     def sensing_side(self) -> Side:
         """The sensing arm that the summary speaks of: the left one where both sense."""
-        return next(side for side in SIDES if side in self.scenario.arms.sensing)
+        return next(side for side in SIDES if side in self.scenario.compliance.sensing)
 
     @cached_property
     def summary(self) -> Summary:

@@ -3,20 +3,64 @@
 from __future__ import annotations
 
 import difflib
-import functools
 import math
 import re
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
 
 import msgspec
+from msgspec import inspect as mi
 
 from dualbend.errors import InputError
+from dualbend.scenario.structs import (
+    KIND,
+    Kinds,
+    Struct,
+    fields_in,
+    fields_of,
+    has_kinds,
+    plain,
+)
+from dualbend.scenario.task import AnyTask, TaskKinds
+
+T = TypeVar("T", bound=msgspec.Struct)
 
 UNSET = "none"
 """Value that takes an optional key or section back which the extended scenario has."""
 
 _SMALLEST, _LARGEST = 1e-15, 1e15
+
+_RENAMED = {
+    "arm.left": "robot.left.model",
+    "arm.right": "robot.right.model",
+    "arm": "robot",
+    "response": "robot.response",
+    "servo": "robot.servo",
+    "alter": "robot.alter",
+    "arms": "compliance",
+    "assembly": "task",
+    "misalignment": "task.misalignment",
+    "sheet.strips": "sheet.model",
+    "sheet.shell": "sheet.model",
+}
+"""Keys and sections of version 0.1, each before what holds it, with what they are called now."""
+
+
+def refuse_renamed(key: str, source: str) -> None:
+    """Refuse a key of version 0.1, naming the new one."""
+    for old, new in _RENAMED.items():
+        if key == old or key.startswith(f"{old}."):
+            raise InputError(f"{source}: {key} is now {new}{key.removeprefix(old)}")
+
+
+def nearest(word: str, words: Iterable[str], most: int = 2) -> str:
+    """Return the question whether one of the nearest words was meant; "" where none is near."""
+    close = difflib.get_close_matches(word, list(words), n=most, cutoff=0.5)
+    return f"did you mean {' or '.join(close)}? " if close else ""
+
+
+def _listed(words: Iterable[object]) -> str:
+    return ", ".join(map(repr, words))
 
 
 def refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
@@ -24,7 +68,7 @@ def refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
     if isinstance(value, dict):
         for key, item in value.items():
             refuse_absurd(item, source, (*keys, key))
-    elif isinstance(value, list):
+    elif isinstance(value, list | tuple):
         for item in value:
             refuse_absurd(item, source, keys)
     elif isinstance(value, int | float) and keys != ("seed",):
@@ -37,78 +81,106 @@ def refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
             )
 
 
-def refuse_unknown(data: object, kind: object, source: str, keys: tuple[str, ...]) -> None:
-    """Name an unknown key with its nearest valid ones, which msgspec's own message lacks."""
-    fields = {name: field.type for name, field in _fields_of(kind).items()}
-    if fields and isinstance(data, list):
+def refuse_unknown(data: object, kinds: Kinds, source: str, keys: tuple[str, ...]) -> None:
+    """Refuse a kind or key that a table does not have, and name what it does have."""
+    if kinds and isinstance(data, list | tuple):
         for i, item in enumerate(data):
-            refuse_unknown(item, kind, source, (*keys[:-1], f"{keys[-1]}[{i}]"))
+            refuse_unknown(item, kinds, source, (*keys[:-1], f"{keys[-1]}[{i}]"))
         return
-    if not fields or not isinstance(data, dict):
+    tagged = has_kinds(kinds)
+    if tagged and isinstance(data, str):
+        data = {KIND: data}
+    if not kinds or not isinstance(data, dict):
         return
+    if tagged and KIND in data and data[KIND] not in list(kinds):
+        hint = nearest(repr(data[KIND]), map(repr, kinds), most=1).rstrip()
+        raise InputError(
+            f"{source}: {'.'.join((*keys, KIND))} = {data[KIND]!r}: must be one of "
+            f"{_listed(kinds)}{'; ' if hint else ''}{hint}"
+        )
+    fields = fields_in(kinds, data)
     for key, value in data.items():
-        if key not in fields:
-            close = difflib.get_close_matches(key, fields, n=2, cutoff=0.5)
-            hint = f"did you mean {' or '.join(close)}? " if close else ""
+        where = (*keys, key)
+        if key in fields:
+            refuse_unknown(value, fields[key].kinds, source, where)
+        elif not (tagged and key == KIND):
+            refuse_renamed(_first_leaf(where, value), source)
             shown = "{...}" if isinstance(value, dict) else repr(value)
-            raise InputError(
-                f"{source}: {'.'.join((*keys, key))} = {shown}: unknown key; {hint}"
-                f"valid here: {', '.join(fields)}"
-            )
-        refuse_unknown(value, fields[key], source, (*keys, key))
+            right = _what_is_right(key, data, kinds, keys)
+            raise InputError(f"{source}: {'.'.join(where)} = {shown}: {right}")
 
 
-@functools.cache
-def _fields_of(kind: object) -> dict[str, msgspec.structs.FieldInfo]:
-    """Return the fields of a section's type; none of a value's."""
-    struct = None if kind is None else _struct_of(kind)
-    return {} if struct is None else {f.encode_name: f for f in msgspec.structs.fields(struct)}
+def _first_leaf(keys: tuple[str, ...], value: object) -> str:
+    """Return the dotted name of the first key in a table, or of the value itself."""
+    while isinstance(value, dict) and value:
+        key, value = next(iter(value.items()))
+        keys = (*keys, key)
+    return ".".join(keys)
 
 
-def _struct_of(kind: object) -> type[msgspec.Struct] | None:
-    info = msgspec.inspect.type_info(kind)
-    options = info.types if isinstance(info, msgspec.inspect.UnionType) else (info,)
-    for choice in options:
-        bare = choice.type if isinstance(choice, msgspec.inspect.Metadata) else choice
-        option = bare.item_type if isinstance(bare, msgspec.inspect.VarTupleType) else bare
-        if isinstance(option, msgspec.inspect.StructType):
-            return option.cls
-    return None
+def _what_is_right(key: str, data: Mapping[str, Any], kinds: Kinds, keys: tuple[str, ...]) -> str:
+    others = [f'"{other}"' for other, struct in kinds.items() if key in fields_of(struct)]
+    if others:
+        return f'belongs to kind = {" or ".join(others)}, this {keys[-1]} is "{data[KIND]}"'
+    valid = [*([KIND] if has_kinds(kinds) else []), *fields_in(kinds, data)]
+    return f"unknown key; {nearest(key, valid)}valid here: {', '.join(valid)}"
 
 
-def explain(data: Mapping[str, Any], message: str, kind: object) -> str:
+def explain(data: Mapping[str, Any], message: str, struct: Struct) -> str:
     """Put msgspec's message as key, value and what would be right."""
     match = re.search(r" - at `\$\.?(.*)`$", message)
     if match is None:
         return message
     keys, text = match.group(1), message[: match.start()]
     value: Any = data
+    kinds: Kinds = {"": struct}
+    choices: list[object] = []
     for part in re.findall(r"[^.\[\]]+", keys):
-        fields = _fields_of(kind)
-        kind = fields[part].type if part in fields else kind
+        field = fields_in(kinds, value).get(part)
+        if field:
+            kinds, choices = field.kinds, _choices(field.type)
         if isinstance(value, dict):
             value = value.get(part)
-        elif isinstance(value, list) and part.isdigit() and int(part) < len(value):
+        elif isinstance(value, list | tuple) and part.isdigit() and int(part) < len(value):
             value = value[int(part)]
     if text.startswith("Invalid enum value"):
-        text = f"must be one of {', '.join(_choices(msgspec.inspect.type_info(kind)))}"
+        text = f"must be one of {_listed(choices)}"
     elif "matching regex" in text:
         text = "must begin with a letter or digit and hold only letters, digits and . _ + -"
     elif value == UNSET and text.startswith("Expected `object"):
-        below = ", ".join(_fields_of(kind))
+        below = ", ".join(fields_in(kinds, {}))
         text = f"this section is always there: leave it out, or give its keys: {below}"
+    elif "missing required field" in text and has_kinds(kinds):
+        text = f'{text}, as kind = "{value[KIND]}" needs; the kinds are {_listed(kinds)}'
     shown = "" if isinstance(value, dict) or value is None else f" = {value!r}"
     return f"{keys}{shown}: {text}"
 
 
-def _choices(info: msgspec.inspect.Type) -> list[str]:
-    """Return the words that a type allows, also inside a tuple or beside None."""
-    if isinstance(info, msgspec.inspect.LiteralType):
-        return [repr(word) for word in info.values]
-    if isinstance(info, msgspec.inspect.Metadata):
-        return _choices(info.type)
-    if isinstance(info, msgspec.inspect.VarTupleType):
-        return _choices(info.item_type)
-    if isinstance(info, msgspec.inspect.UnionType):
-        return [word for option in info.types for word in _choices(option)]
-    return []
+def _choices(info: mi.Type) -> list[object]:
+    """Return the words that a type allows, also inside a list."""
+    if isinstance(info, mi.VarTupleType):
+        return _choices(plain(info.item_type)[0])
+    return list(info.values) if isinstance(info, mi.LiteralType) else []
+
+
+def converted(data: Mapping[str, Any], struct: type[T], source: str) -> T:
+    """Return the struct that tables are; InputError says what is wrong, and with which key."""
+    refuse_absurd(data, source, ())
+    refuse_unknown(data, {"": struct}, source, ())
+    try:
+        return msgspec.convert(data, struct, dec_hook=_custom)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{source}: {explain(data, str(error), struct)}") from error
+
+
+def _custom(wanted: type, value: object) -> object:
+    """Return the section of the task that a table is; msgspec asks for it at this place alone."""
+    if wanted is not AnyTask or not isinstance(value, dict):
+        return value
+    kinds = TaskKinds()
+    kind = value.get(KIND, next(iter(kinds)))
+    try:
+        return msgspec.convert({**value, KIND: kind}, kinds[kind])
+    except msgspec.ValidationError as error:
+        text, at, path = str(error).partition(" - at `$")
+        raise msgspec.ValidationError(f"{text} - at `$.task{path if at else '`'}") from error

@@ -1,22 +1,22 @@
 """The keys of a scenario as the code has them: type, unit, bounds, default, what each is.
 
-Read from the configuration structs with ``msgspec.inspect``; reference, schema and the scenario
-that ``dualbend new`` writes are made of this and so cannot say what the code does not.
+Reference, schema and the scenario that ``dualbend new`` writes are made of this and so cannot say
+what the code does not.
 """
 
 from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
-import msgspec
 from msgspec import NODEFAULT
 from msgspec import inspect as mi
 
 from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.structs import KIND, Field, Kinds, Struct, fields_of, plain
 from dualbend.scenario.toml_text import number
 
 REQUIRED: Final = NODEFAULT
@@ -32,36 +32,44 @@ _UNIT_NAMES = {"friction": "-"}
 
 @dataclass(frozen=True, kw_only=True)
 class Key:
-    """One key: texts for people, and the default as the code has it.
+    """One key: texts for people, type and default as the code has them.
 
     Attributes
     ----------
-    kind : what a value is, in words; ``choices`` are the words that it may be
+    kind : what a value is, in words
+    type : the annotation
     unit : "" where there is none
     bounds : "" where there are none
     default : value, None where the key may be absent, REQUIRED where it may not
     in_section : what it is where the whole section is left out; differs from ``default`` where a
         section's own default gives a key that has none
+    example : a value of a key that no shipped scenario has
     """
 
     name: str
     kind: str
+    type: Any
     unit: str
     bounds: str
     default: Any
     in_section: Any
     description: str
+    example: Any = "?"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
     """A TOML table: ``path`` is () for the keys at the top; ``optional`` is off unless given.
 
+    ``kind``: of a section of several kinds, each of which is one of these; else "". ``belongs``: a
+    sentence that says to which kinds of a section around it this one belongs, "" where to all.
     ``intro`` and ``more`` are the first and the other paragraphs of the code's own description.
     """
 
     path: tuple[str, ...]
-    struct: type[msgspec.Struct]
+    struct: Struct
+    kind: str
+    belongs: str
     intro: str
     more: tuple[str, ...]
     optional: bool
@@ -72,63 +80,101 @@ class Section:
         """The table's name as TOML has it, without brackets."""
         return ".".join(self.path)
 
+    def of(self, scenario: object) -> object:
+        """Return the section's struct in a scenario; None where the scenario does not have it."""
+        values: object = scenario
+        for name in self.path:
+            values = getattr(values, name, None)
+        return values if isinstance(values, self.struct) else None
+
 
 def sections() -> list[Section]:
     """Return every section of a scenario, each before those inside it, in the code's order."""
-    return list(_walk(Scenario, (), None, optional=False))
+    return list(_walk({"": Scenario}, (), None))
 
 
-def section_of(struct: type[msgspec.Struct]) -> Section:
+def section_of(struct: Struct) -> Section:
     """Return the section that a struct would be, one that stands in a list and not by itself."""
-    return next(_walk(struct, (), None, optional=False))
+    return next(_walk({"": struct}, (), None))
 
 
 def _walk(
-    struct: type[msgspec.Struct], path: tuple[str, ...], instance: object, *, optional: bool
+    kinds: Kinds,
+    path: tuple[str, ...],
+    instance: object,
+    *,
+    belongs: str = "",
+    optional: bool = False,
 ) -> Iterator[Section]:
-    keys, inner = [], []
-    for field in fields_of(struct):
-        nested = struct_of(field.type)
-        own = _default(field)
-        inherited = own if instance is None else getattr(instance, field.encode_name)
-        if nested is None:
-            keys.append(_key(field, own, inherited))
-        else:
-            default = None if inherited is REQUIRED else inherited
-            off = not field.required and default is None
-            inner.append((nested, (*path, field.encode_name), default, off))
-    intro, *more = paragraphs(struct)
-    yield Section(
-        path=path,
-        struct=struct,
-        intro=intro,
-        more=tuple(more),
-        optional=optional,
-        keys=tuple(keys),
+    """Yield a section, once for each of its kinds, then those inside it.
+
+    ``instance``: what the section is where a scenario leaves it out, None where it may not.
+    """
+    inner: dict[str, dict[str, tuple[Field, Any]]] = {}
+    for kind, struct in kinds.items():
+        keys = [_kind_key(kinds, kind, instance)] if kind else []
+        for name, field in fields_of(struct).items():
+            found = getattr(instance, name) if isinstance(instance, struct) else field.default
+            if field.is_section:
+                inner.setdefault(name, {})[kind] = field, found
+            else:
+                keys.append(_key(field, found))
+        intro, *more = paragraphs(struct)
+        yield Section(
+            path=path,
+            struct=struct,
+            kind=kind,
+            belongs=belongs,
+            intro=intro,
+            more=tuple(more),
+            optional=optional,
+            keys=tuple(keys),
+        )
+    for name, of in inner.items():
+        field, found = next(iter(of.values()))
+        some = (
+            f" Of {'.'.join(path)} with kind = {_words(of)}." if len(of) < len(kinds) else belongs
+        )
+        yield from _walk(
+            field.kinds,
+            (*path, name),
+            None if found is REQUIRED else found,
+            belongs=some,
+            optional=found is None,
+        )
+
+
+def _kind_key(kinds: Kinds, kind: str, instance: object) -> Key:
+    """Return the key that names the kind of a section."""
+    first = next(iter(kinds))
+    return Key(
+        name=KIND,
+        kind=_words(kinds),
+        type=Literal[tuple(kinds)],
+        unit="",
+        bounds="",
+        default=first if kind == first else REQUIRED,
+        in_section=next((k for k, s in kinds.items() if isinstance(instance, s)), first),
+        description="another kind replaces the whole section",
     )
-    for nested, where, default, off in inner:
-        yield from _walk(nested, where, default, optional=off)
 
 
-def fields_of(struct: type[msgspec.Struct]) -> tuple[mi.Field, ...]:
-    """Return a struct's fields with their types as ``msgspec.inspect`` has them."""
-    info = mi.type_info(struct)
-    assert isinstance(info, mi.StructType)
-    return info.fields
+def _key(field: Field, in_section: object) -> Key:
+    text, unit = split_unit(field.said.get("description", ""))
+    return Key(
+        name=field.name,
+        kind=_kind(field.type),
+        type=field.annotation,
+        unit=unit or unit_of(field.name),
+        bounds=_bounds(field.type),
+        default=field.default,
+        in_section=in_section,
+        description=text,
+        example=next(iter(field.said.get("examples", ())), "?"),
+    )
 
 
-def struct_of(info: mi.Type) -> type[msgspec.Struct] | None:
-    """Return the struct that a type is, also with a description or beside None; else None."""
-    if isinstance(info, mi.StructType):
-        return info.cls
-    if isinstance(info, mi.Metadata):
-        return struct_of(info.type)
-    if isinstance(info, mi.UnionType):
-        return next((s for s in map(struct_of, info.types) if s is not None), None)
-    return None
-
-
-def paragraphs(struct: type[msgspec.Struct]) -> list[str]:
+def paragraphs(struct: Struct) -> list[str]:
     """Return a struct's docstring up to its first heading, a line a paragraph."""
     found = []
     for block in inspect.cleandoc(struct.__doc__ or "").split("\n\n"):
@@ -136,38 +182,6 @@ def paragraphs(struct: type[msgspec.Struct]) -> list[str]:
             break
         found.append(" ".join(block.replace("``", "`").split()))
     return found
-
-
-def _default(field: mi.Field) -> Any:  # noqa: ANN401 - a value of any key
-    if field.required:
-        return REQUIRED
-    return field.default if field.default_factory is NODEFAULT else field.default_factory()
-
-
-def _key(field: mi.Field, default: object, in_section: object) -> Key:
-    info, description = _plain(field.type)
-    text, unit = split_unit(description)
-    return Key(
-        name=field.encode_name,
-        kind=_kind(info),
-        unit=unit or unit_of(field.encode_name),
-        bounds=_bounds(info),
-        default=default,
-        in_section=in_section,
-        description=text,
-    )
-
-
-def _plain(info: mi.Type) -> tuple[mi.Type, str]:
-    """Return a type without description and without None, and the description."""
-    if isinstance(info, mi.UnionType):
-        options = [option for option in info.types if not isinstance(option, mi.NoneType)]
-        if len(options) == 1:
-            return _plain(options[0])
-    if isinstance(info, mi.Metadata):
-        inner, below = _plain(info.type)
-        return inner, str((info.extra_json_schema or {}).get("description", below))
-    return info, ""
 
 
 def split_unit(description: str) -> tuple[str, str]:
@@ -195,16 +209,15 @@ def unit_of(name: str) -> str:
 
 def _kind(info: mi.Type) -> str:
     if isinstance(info, mi.LiteralType):
-        *words, last = (f'"{word}"' for word in info.values)
-        return f"{', '.join(words)} or {last}" if words else last
+        return _words(info.values)
     if isinstance(info, mi.VarTupleType):
-        item, _ = _plain(info.item_type)
+        item = plain(info.item_type)[0]
         if isinstance(item, mi.StructType):
             return f"list of {{ {', '.join(f.encode_name for f in item.fields)} }}"
         inner = _kind(item)
         return f"list of {inner if isinstance(item, mi.LiteralType) else _plural(inner)}"
     if isinstance(info, mi.TupleType):
-        return f"{len(info.item_types)} {_plural(_kind(_plain(info.item_types[0])[0]))}"
+        return f"{len(info.item_types)} {_plural(_kind(plain(info.item_types[0])[0]))}"
     if isinstance(info, mi.BoolType):
         return "true or false"
     names: dict[type[mi.Type], str] = {
@@ -217,6 +230,11 @@ def _kind(info: mi.Type) -> str:
     return names[type(info)]
 
 
+def _words(words: Iterable[object]) -> str:
+    *some, last = (f'"{word}"' for word in words)
+    return f"{', '.join(some)} or {last}" if some else last
+
+
 def _plural(kind: str) -> str:
     return re.sub(r"number\b", "numbers", kind) if kind.endswith("number") else f"({kind})"
 
@@ -226,7 +244,7 @@ def _bounds(info: mi.Type) -> str:
         pairs = ((">", info.gt), ("≥", info.ge), ("<", info.lt), ("≤", info.le))
         return ", ".join(f"{sign} {_short(b)}" for sign, b in pairs if b is not None)
     if isinstance(info, mi.TupleType):
-        each = _bounds(_plain(info.item_types[0])[0])
+        each = _bounds(plain(info.item_types[0])[0])
         return f"each {each}" if each else ""
     if isinstance(info, mi.VarTupleType | mi.StrType):
         what = "characters" if isinstance(info, mi.StrType) else "entries"

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import msgspec
 
 from dualbend.errors import InputError
 from dualbend.resources import scenarios_dir
-from dualbend.scenario.arm_change import without_other_arms
-from dualbend.scenario.explain import UNSET, _fields_of, explain, refuse_absurd, refuse_unknown
+from dualbend.scenario.explain import UNSET, converted, nearest, refuse_absurd, refuse_unknown
 from dualbend.scenario.scenario import Scenario
-from dualbend.scenario.sheet import MATERIAL_KEYS, SheetConfig
+from dualbend.scenario.sections import without_other_arms
+from dualbend.scenario.structs import KIND, Kinds, fields_in, has_kinds
 
-_ALTERNATIVES = ("interval_rad", "pieces")
-"""Keys of a path that say the same thing: giving one takes the other back."""
+Settings: TypeAlias = Sequence[str] | Mapping[str, Any]
+"""Texts ``path.to.key=value``, or the tables of a scenario as a dictionary."""
 
-
-_REPLACES = (("sheet", "material"), ("sheet", "layers"))
-"""Keys that take back what the section had, as any ``kind`` and all of the arms do."""
+_SCENARIO: Kinds = {"": Scenario}
 
 
 def list_scenarios() -> dict[str, Path]:
@@ -30,12 +27,20 @@ def list_scenarios() -> dict[str, Path]:
     return {path.stem: path for path in sorted(scenarios_dir().glob("*.toml"))}
 
 
-def load_scenario(
-    name_or_file: str, settings: Sequence[str] = (), seed: int | None = None
-) -> Scenario:
-    """Load a shipped scenario by name, or a file, with ``path.to.key=value`` settings applied."""
+def load_scenario(name_or_file: str, settings: Settings = (), seed: int | None = None) -> Scenario:
+    """Load a shipped scenario by name, or a file, with settings laid over it.
+
+    Settings are texts, ``["sheet.width_m=0.06"]``, or tables, ``{"sheet": {"width_m": 0.06}}``.
+
+    Raises
+    ------
+    InputError
+        There is no such scenario, or something in it or in the settings is wrong: the message has
+        file, key, value and what would be right.
+    """
     path = _find(name_or_file)
-    source = f"{path.name} with --set" if settings else path.name
+    over = "settings" if isinstance(settings, Mapping) else "--set"
+    source = f"{path.name} with {over}" if settings else path.name
     return resolve_scenario(_read(path, seen=()), source, settings, seed)
 
 
@@ -45,42 +50,35 @@ def read_scenario(name_or_file: str) -> dict[str, Any]:
 
 
 def resolve_scenario(
-    tables: Mapping[str, Any], source: str, settings: Sequence[str] = (), seed: int | None = None
+    tables: Mapping[str, Any], source: str, settings: Settings = (), seed: int | None = None
 ) -> Scenario:
     """Return the scenario of tables with settings applied; ``source`` is named in messages."""
-    data = dict(tables)
-    # A new kind, material or arm takes back what the one before had: it comes first, the others
-    # stay, in the order given.
-    given = [(setting, *_split(_table_of(setting))) for setting in settings]
-    for setting, table in [
-        *((setting, early) for setting, early, _ in given),
-        *((setting, late) for setting, _, late in given),
-    ]:
-        if table:
-            _refuse_values_as_sections(data, setting)
-            data = _merge(data, table)
+    data = _laid_over({}, tables)
+    given: list[tuple[str, Mapping[str, Any]]] = (
+        [("settings", _tables_of(settings))]
+        if isinstance(settings, Mapping)
+        else [(f"--set {text}", _table_of(text)) for text in settings]
+    )
+    parts = [(said, *_split(table, _SCENARIO)) for said, table in given]
+    # What replaces other keys (a new kind, material or arm) comes first, the others stay, in the
+    # order given.
+    for said, table in (
+        *((said, first) for said, first, _ in parts),
+        *((said, rest) for said, _, rest in parts),
+    ):
+        _refuse_values_as_sections(data, table, said)
+        data = _laid_over(data, table)
     if seed is not None:
         data["seed"] = seed
-    return _convert(data, source)
+    return converted(data, Scenario, source)
 
 
-def _split(
-    table: Mapping[str, Any], path: tuple[str, ...] = ()
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what of a setting takes back what a section had, and the rest."""
-    early: dict[str, Any] = {}
-    late: dict[str, Any] = {}
-    for key, value in table.items():
-        where = (*path, key)
-        if path and (key == "kind" or path[0] == "arm" or where in _REPLACES):
-            early[key] = value
-        elif isinstance(value, dict) and value:
-            for part, inner in zip((early, late), _split(value, where), strict=True):
-                if inner:
-                    part[key] = inner
-        else:
-            late[key] = value
-    return early, late
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """Return the tables of a TOML text; InputError with ``source`` where it is none."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # also thousands of digits or brackets
+        raise InputError(f"{source}: no valid TOML: {error}") from error
 
 
 def parse_scenario(text: str, source: str) -> Scenario:
@@ -91,11 +89,7 @@ def parse_scenario(text: str, source: str) -> Scenario:
     InputError
         It is no TOML, or no scenario.
     """
-    try:
-        data = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{source}: no valid TOML: {error}") from error
-    return _convert(data, source)
+    return resolve_scenario(parse_toml(text, source), source)
 
 
 def _find(name_or_file: str) -> Path:
@@ -110,11 +104,9 @@ def _find(name_or_file: str) -> Path:
         return path
     shipped = list_scenarios()
     if name_or_file not in shipped:
-        close = difflib.get_close_matches(name_or_file, shipped, n=1)
-        hint = f"did you mean {close[0]!r}? " if close else ""
         raise InputError(
-            f"scenario {name_or_file!r}: {hint}shipped are {', '.join(shipped)}; "
-            "or give the path of a .toml file"
+            f"scenario {name_or_file!r}: {nearest(repr(name_or_file), map(repr, shipped), 1)}"
+            f"shipped are {', '.join(shipped)}; or give the path of a .toml file"
         )
     return shipped[name_or_file]
 
@@ -122,15 +114,14 @@ def _find(name_or_file: str) -> Path:
 def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     """Return the file's table merged over the one it extends."""
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
-    except (ValueError, RecursionError) as error:  # also thousands of digits or brackets
-        raise InputError(f"{path.name}: no valid TOML: {error}") from error
+    data = parse_toml(text, path.name)
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
     refuse_absurd(data, path.name, ())
-    refuse_unknown(data, Scenario, path.name, ())
+    refuse_unknown(data, _SCENARIO, path.name, ())
     if base is None:
         return data
     if not isinstance(base, str):
@@ -147,66 +138,89 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
         )
     parent = _read(base_path, (*seen, path.resolve()))
     parent.pop("description", None)
-    return _merge(parent, data)
+    return _laid_over(parent, data)
 
 
-def _merge(
-    base: dict[str, Any], over: Mapping[str, Any], kind: object = Scenario
-) -> dict[str, Any]:
-    """Return ``over`` laid upon ``base``; a section of another ``kind`` replaces it whole."""
-    fields = _fields_of(kind)
-    # A base that does not say its kind has the default one.
-    default = fields["kind"].default if "kind" in fields else None
-    if "kind" in over and over["kind"] != base.get("kind", default):
-        base = {}
-    merged = dict(base) if kind is not Scenario else without_other_arms(base, over)
+def _laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of a scenario ``over`` laid upon those of another, ``base``."""
+    return _merge(without_other_arms(base, over), over, _SCENARIO)
+
+
+def _merge(base: Mapping[str, Any], over: Mapping[str, Any], kinds: Kinds) -> dict[str, Any]:
+    """Return the table ``over`` laid upon ``base``; one of another kind replaces it whole."""
+    merged = dict(base)
+    if has_kinds(kinds):
+        kind = base.get(KIND, next(iter(kinds)))
+        if over.get(KIND, kind) != kind:
+            merged = {}
+        merged.setdefault(KIND, over.get(KIND, kind))
+    fields = fields_in(kinds, merged)
     for key, value in over.items():
-        if value == UNSET and key in fields and fields[key].default is None:
+        field = fields.get(key)
+        below = field.kinds if field else {}
+        if field and field.default is None and value in (None, UNSET) and UNSET not in below:
             merged.pop(key, None)
-        elif isinstance(value, dict):
+            continue
+        for other in (field.replaces or ()) if field else ():
+            if other not in over:
+                merged.pop(other, None)
+        table = {KIND: value} if isinstance(value, str) and has_kinds(below) else value
+        if isinstance(table, dict):
             # Also where the base has no such section: UNSET in it says nothing.
-            below = merged.get(key)
-            kind_below = fields[key].type if key in fields else None
-            merged[key] = _merge(below if isinstance(below, dict) else {}, value, kind_below)
-        else:
-            merged[key] = value
-    if kind is SheetConfig and any(over.get(k, UNSET) != UNSET for k in ("material", "layers")):
-        # Another material: the numbers of the one before are none of its own.
-        whole = MATERIAL_KEYS if "layers" not in over else (*MATERIAL_KEYS, "thickness_m")
-        for key in set(whole) - over.keys():
-            merged.pop(key, None)
-    for given, other in (_ALTERNATIVES, _ALTERNATIVES[::-1]):
-        if given in fields and given in over and other not in over:
-            merged.pop(other, None)
+            under = merged.get(key)
+            table = _merge(under if isinstance(under, dict) else {}, table, below)
+        merged[key] = table
     return merged
+
+
+def _split(table: Mapping[str, Any], kinds: Kinds) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what of a setting replaces what a section had, and the rest."""
+    first: dict[str, Any] = {}
+    rest: dict[str, Any] = {}
+    fields = fields_in(kinds, table)
+    for key, value in table.items():
+        field = fields.get(key)
+        below = field.kinds if field else {}
+        short = has_kinds(below) and isinstance(value, str)
+        if short or (has_kinds(kinds) and key == KIND) or (field and field.replaces is not None):
+            first[key] = value
+        elif isinstance(value, dict) and value:
+            for part, inner in zip((first, rest), _split(value, below), strict=True):
+                if inner:
+                    part[key] = inner
+        else:
+            rest[key] = value
+    return first, rest
+
+
+def _tables_of(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables with plain numbers and lists, also of NumPy's and of sections' structs."""
+    try:
+        tables: dict[str, Any] = msgspec.to_builtins(
+            settings, str_keys=True, enc_hook=lambda value: value.tolist()
+        )
+    except (TypeError, AttributeError) as error:
+        raise InputError(f"settings: need numbers, texts, lists and tables: {error}") from error
+    return tables
 
 
 def _table_of(setting: str) -> dict[str, Any]:
     """Return the tables that ``path.to.key=value`` stands for."""
-    names = _names_of(setting)
-    _, equals, text = setting.partition("=")
+    name, equals, text = setting.partition("=")
+    names = name.strip().split(".")
     if not equals or not all(names) or len(names) > 10:
-        raise InputError(f"--set {setting}: needs path.to.key=value, e.g. alter.delay_cycles=2")
+        raise InputError(
+            f"--set {setting}: needs path.to.key=value, e.g. robot.alter.delay_cycles=2"
+        )
     value: Any
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         value = _number_or_text(text.strip())
-    for name in reversed(names[1:]):
+    for name in reversed(names):
         value = {name: value}
-    return {names[0]: value}
-
-
-def _names_of(setting: str) -> list[str]:
-    return setting.partition("=")[0].strip().split(".")
-
-
-def _refuse_values_as_sections(data: Mapping[str, Any], setting: str) -> None:
-    table: object = data
-    for name in _names_of(setting)[:-1]:
-        table = table.get(name, {}) if isinstance(table, dict) else None
-        if not isinstance(table, dict):
-            raise InputError(f"--set {setting}: {name!r} is a value, not a section")
+    table: dict[str, Any] = value
+    return table
 
 
 def _number_or_text(text: str) -> float | str:
@@ -217,11 +231,9 @@ def _number_or_text(text: str) -> float | str:
         return text
 
 
-def _convert(data: dict[str, Any], source: str) -> Scenario:
-    data = _merge({}, data)
-    refuse_absurd(data, source, ())
-    refuse_unknown(data, Scenario, source, ())
-    try:
-        return msgspec.convert(data, Scenario)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{source}: {explain(data, str(error), Scenario)}") from error
+def _refuse_values_as_sections(data: object, table: Mapping[str, Any], said: str) -> None:
+    for name, value in table.items():
+        if isinstance(value, dict) and isinstance(data, dict) and name in data:
+            if not isinstance(data[name], dict):
+                raise InputError(f"{said}: {name!r} is a value, not a section")
+            _refuse_values_as_sections(data[name], value, said)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dualbend.beam.time_law import ConstantSpeed, TimeLaw, TrapezoidalSpeed
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.scenario.path import PathConfig, make_path
+from dualbend.scenario.path import PathConfig
 from dualbend.types import Vector
 
 Phase = Literal["settle", "bend", "hold", "return", "rest"]
@@ -105,7 +105,7 @@ def nominal_motion(path: PathConfig, motion: MotionConfig, length_m: float) -> N
         leaves = sum(counts[:3])
         since_leaving = COMMAND_PERIOD_S * np.arange(sum(counts) - leaves, dtype=np.float64)
         alpha[leaves:] = back.at(since_leaving)
-    half_distance, rise = make_path(path, length_m).at(alpha)
+    half_distance, rise = path.make(length_m).at(alpha)
     return NominalMotion(
         phase=np.repeat(np.arange(len(counts)), counts),
         alpha_rad=alpha,

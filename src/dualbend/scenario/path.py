@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, TypeAlias
 
 import msgspec
 
@@ -15,85 +15,100 @@ from dualbend.beam.path import (
     TablePath,
 )
 from dualbend.errors import InputError
+from dualbend.types import Tagged
 
 
-class PathConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Which grip poses belong to a bending angle, and from which to which angle."""
+class _Ends(Tagged, frozen=True, kw_only=True):
+    """From which to which bending angle a path goes."""
 
-    kind: Annotated[
-        Literal["exact", "piecewise", "approximate", "table"],
-        msgspec.Meta(
-            description="exact: no end moment; piecewise: straight pieces between its poses; "
-            "approximate: a polynomial; table: your own"
-        ),
-    ] = "piecewise"
     start_rad: Annotated[float, msgspec.Meta(ge=0, description="bending angle at the start")] = 0.0
     end_rad: Annotated[float, msgspec.Meta(gt=0, description="bending angle at the end")] = 1.0
-    interval_rad: (
-        Annotated[float, msgspec.Meta(ge=1e-4, description="length of a linear piece")] | None
-    ) = None
-    pieces: Annotated[int, msgspec.Meta(ge=1, le=1000, description="number of pieces")] | None = (
-        None
-    )
-    table: (
-        Annotated[
-            tuple[tuple[float, float, float], ...],
-            msgspec.Meta(
-                min_length=2,
-                description="rows of bending angle in rad, half distance of the grips and their "
-                "rise above the sheet's middle in m",
-            ),
-        ]
-        | None
-    ) = None
+
+    def __post_init__(self) -> None:
+        """Refuse angles at which the grippers meet."""
+        if not self.start_rad < self.end_rad < END_SLOPE_GRIPPERS_MEET:
+            raise InputError(
+                f"end_rad must lie between start_rad = {self.start_rad} and "
+                f"{END_SLOPE_GRIPPERS_MEET:.4f} rad, where the grippers meet; got {self.end_rad}"
+            )
+
+    def make(self, length_m: float) -> BendingPath:
+        """Return the path of a sheet of free length ``length_m`` [m].
+
+        Raises InputError where a table does not suit the sheet.
+        """
+        try:
+            return self._of(length_m)
+        except InputError as error:
+            raise InputError(f"path.{error}") from error
+
+    def _of(self, length_m: float) -> BendingPath:
+        raise NotImplementedError
+
+
+class PiecewisePathConfig(_Ends, frozen=True, kw_only=True, tag="piecewise"):
+    """Straight pieces between poses without end moment, each of one length but for the last."""
+
+    interval_rad: Annotated[float, msgspec.Meta(ge=1e-4, description="length of a linear piece")]
+
+    def _of(self, length_m: float) -> BendingPath:
+        return PiecewiseLinearPath.from_interval(
+            length_m, self.end_rad, self.interval_rad, start_rad=self.start_rad
+        )
+
+
+class PiecesPathConfig(_Ends, frozen=True, kw_only=True, tag="pieces"):
+    """A number of equal straight pieces between poses without end moment."""
+
+    pieces: Annotated[
+        int, msgspec.Meta(ge=1, le=1000, description="number of pieces", examples=[5])
+    ]
+
+    def _of(self, length_m: float) -> BendingPath:
+        return PiecewiseLinearPath.from_count(
+            length_m, self.end_rad, self.pieces, start_rad=self.start_rad
+        )
+
+
+class ExactPathConfig(_Ends, frozen=True, kw_only=True, tag="exact"):
+    """The grip poses at which the sheet has no end moment, by elliptic integrals."""
+
+    def _of(self, length_m: float) -> BendingPath:
+        return ExactPath(length_m, self.end_rad, self.start_rad)
+
+
+class ApproximatePathConfig(_Ends, frozen=True, kw_only=True, tag="approximate"):
+    """A polynomial in place of the elliptic integrals."""
+
+    def _of(self, length_m: float) -> BendingPath:
+        return ApproximatePath(length_m, self.end_rad, self.start_rad)
+
+
+class TablePathConfig(_Ends, frozen=True, kw_only=True, tag="table"):
+    """Your own grip poses."""
+
+    table: Annotated[
+        tuple[tuple[float, float, float], ...],
+        msgspec.Meta(
+            min_length=2,
+            description="rows of bending angle in rad, half distance of the grips and their "
+            "rise above the sheet's middle in m",
+            examples=[[[0.0, 0.2, 0.0], [1.0, 0.167, 0.0926]]],
+        ),
+    ]
     smooth: Annotated[
         bool, msgspec.Meta(description="a cubic spline through the table's rows, else straight")
     ] = False
 
-    def __post_init__(self) -> None:
-        """Refuse angles at which the grippers meet and a piece-wise path without its pieces."""
-        if not self.start_rad < self.end_rad < END_SLOPE_GRIPPERS_MEET:
-            raise ValueError(
-                f"end_rad must lie between start_rad = {self.start_rad} and "
-                f"{END_SLOPE_GRIPPERS_MEET:.4f} rad, where the grippers meet; got {self.end_rad}"
-            )
-        given = [self.interval_rad is not None, self.pieces is not None]
-        if self.kind == "piecewise" and sum(given) != 1:
-            raise ValueError(
-                'kind = "piecewise" needs either interval_rad (0.2 in Fig. 6) or pieces, not both'
-            )
-        if self.kind != "piecewise" and any(given):
-            raise ValueError(f'kind = "{self.kind}" has no pieces: drop interval_rad and pieces')
-        if (self.kind == "table") != (self.table is not None):
-            raise ValueError(
-                f'kind = "table" and table belong together; got kind = "{self.kind}" '
-                f"{'without' if self.table is None else 'with'} a table"
-            )
-        if self.smooth and self.table is None:
-            raise ValueError(f'smooth = true belongs to kind = "table", got kind = "{self.kind}"')
+    def _of(self, length_m: float) -> BendingPath:
+        return TablePath(length_m, self.table, self.smooth, self.end_rad, self.start_rad)
 
 
-def make_path(config: PathConfig, length_m: float) -> BendingPath:
-    """Return the path of a sheet of free length ``length_m`` [m].
-
-    Raises InputError where a table does not suit the sheet.
-    """
-    if config.kind == "exact":
-        return ExactPath(length_m, config.end_rad, config.start_rad)
-    if config.kind == "approximate":
-        return ApproximatePath(length_m, config.end_rad, config.start_rad)
-    if config.table is not None:
-        try:
-            return TablePath(
-                length_m, config.table, config.smooth, config.end_rad, config.start_rad
-            )
-        except InputError as error:
-            raise InputError(f"path.{error}") from error
-    if config.pieces is not None:
-        return PiecewiseLinearPath.from_count(
-            length_m, config.end_rad, config.pieces, start_rad=config.start_rad
-        )
-    assert config.interval_rad is not None
-    return PiecewiseLinearPath.from_interval(
-        length_m, config.end_rad, config.interval_rad, start_rad=config.start_rad
-    )
+PathConfig: TypeAlias = (
+    PiecewisePathConfig
+    | PiecesPathConfig
+    | ExactPathConfig
+    | ApproximatePathConfig
+    | TablePathConfig
+)
+"""Which grip poses belong to a bending angle."""

@@ -1,12 +1,6 @@
-"""The scenario reference as a Markdown page, a table a section, made from the code.
-
-``python -m dualbend.scenario.reference docs/reference.md`` writes it; a test keeps it current.
-"""
+"""The scenario reference as a Markdown page, one table per section, made from the code."""
 
 from __future__ import annotations
-
-import sys
-from pathlib import Path
 
 from dualbend.scenario.keys import REQUIRED, Key, Section, sections
 from dualbend.scenario.toml_text import toml
@@ -19,7 +13,9 @@ Every section and key that a scenario file may hold, made from the code (`dualbe
   `extends = "fig8"` at the top takes a shipped scenario, or a `.toml` file beside this one, and the
   file says only what differs.
 * The value `"none"` takes back an optional key or section that the extended scenario has.
-* A section whose `kind` differs from the extended one's replaces it whole.
+* A section of several kinds says by `kind` which it is; without, the extended file's kind stays, or
+  it is of the first kind below. Another kind replaces the section whole. `sheet.model = "shell"` is
+  short for `[sheet.model]` with `kind = "shell"`.
 * On the command line, `--set section.key=value` sets one key of a run.
 * Numbers are finite, and 0 or between 1e-15 and 1e15 in size. Beyond the bounds below, the loader
   checks rules between keys (a sheet that is thin, a step that divides 28 ms) and names the key.
@@ -33,20 +29,27 @@ def reference_markdown() -> str:
     """Return the page."""
     found = sections()
     contents = "\n".join(
-        f"{'    ' * (len(s.path) - 1)}* [`{s.title}`](#{_anchor(s)})" for s in found if s.path
+        f"{'    ' * (len(s.path) - 1)}* [{_heading(s, '`')}](#{_anchor(s)})"
+        for s in found
+        if s.path
     )
     return "\n".join([_HEAD, contents, "", *(_section(section) for section in found)])
 
 
+def _heading(section: Section, quote: str = "") -> str:
+    kind = f" of kind {section.kind}" if section.kind else ""
+    return f"{quote}{section.title}{quote}{kind}"
+
+
 def _anchor(section: Section) -> str:
     """Return the anchor that Markdown's tools make of the heading: letters and digits are left."""
-    return section.title.replace(".", "")
+    return _heading(section).replace(".", "").replace(" ", "-")
 
 
 def _section(section: Section) -> str:
-    lines = [f"## {section.title}" if section.path else "## At the top of the file", ""]
+    lines = [f"## {_heading(section)}" if section.path else "## At the top of the file", ""]
     off = " Off unless given." if section.optional else ""
-    lines += [f"{section.intro}{off}", ""]
+    lines += [f"{section.intro}{section.belongs}{off}", ""]
     for paragraph in section.more:
         lines += [paragraph, ""]
     if section.keys:
@@ -70,7 +73,3 @@ def _default(key: Key) -> str:
     if key.in_section is REQUIRED:
         return "required"
     return f"required; `{toml(key.in_section)}` without the section"
-
-
-if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(reference_markdown(), encoding="utf-8")

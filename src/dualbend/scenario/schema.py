@@ -13,13 +13,16 @@ from typing import Any
 import msgspec
 
 from dualbend.scenario.explain import UNSET
-from dualbend.scenario.keys import Section, fields_of, section_of, sections, struct_of
+from dualbend.scenario.keys import Section, section_of, sections
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import LayerConfig
+from dualbend.scenario.structs import KIND, Kinds, Struct, fields_of, has_kinds
+from dualbend.scenario.task import TaskKinds
 
 Schema = dict[str, Any]
 
-_MOVED = ("prefixItems", "description", "default")
+_MOVED = ("prefixItems", "description", "default", "examples")
+_DEFINITIONS = "#/definitions/"
 _DRAFT = "http://json-schema.org/draft-07/schema#"
 _EXTENDS = {
     "description": "a shipped scenario's name or a .toml file; this file says what differs from it",
@@ -40,7 +43,11 @@ def schema_text() -> str:
 
 def scenario_schema() -> Schema:
     """Return the JSON schema (draft 7) of a scenario file."""
-    _, components = msgspec.json.schema_components([Scenario], ref_template="#/definitions/{name}")
+    _, components = msgspec.json.schema_components(
+        [Scenario, *TaskKinds().values()],
+        ref_template=f"{_DEFINITIONS}{{name}}",
+        schema_hook=_any_task,
+    )
     found = {section.struct.__name__: section for section in (*sections(), section_of(LayerConfig))}
     definitions = {name: _definition(schema, found[name]) for name, schema in components.items()}
     top = definitions.pop("Scenario")
@@ -51,8 +58,17 @@ def scenario_schema() -> Schema:
         "properties": {"extends": _EXTENDS, **top["properties"]},
         # Only a file that stands alone must be complete.
         "if": {"not": {"required": ["extends"]}},
-        "then": _complete(Scenario),
+        "then": _complete({"": Scenario}),
         "definitions": definitions,
+    }
+
+
+def _any_task(_: type) -> Schema:
+    """Return the schema of the section of the task, the only one that msgspec asks for."""
+    places = {kind: f"{_DEFINITIONS}{struct.__name__}" for kind, struct in TaskKinds().items()}
+    return {
+        "anyOf": [{"$ref": place} for place in places.values()],
+        "discriminator": {"propertyName": KIND, "mapping": places},
     }
 
 
@@ -81,6 +97,9 @@ def _property(schema: Schema) -> Schema:
     options = schema.get("anyOf", [schema])
     said = [_value(option) for option in options if option.get("type") != "null"]
     default = schema.get("default")
+    if kinds := schema.get("discriminator", {}).get("mapping"):
+        # The kind alone is short for a table of this kind.
+        return {"anyOf": [*said, {"enum": list(kinds)}]}
     if len(said) < len(options):
         said.append({"const": UNSET})
         return {"anyOf": said}
@@ -101,16 +120,23 @@ def _value(schema: Schema) -> Schema:
     return said
 
 
-def _complete(struct: type[msgspec.Struct]) -> Schema:
-    """Return what a file that extends nothing must hold, in a struct and below it."""
-    must, below = [], {}
-    for field in fields_of(struct):
-        if field.required:
-            must.append(field.encode_name)
-        inner = struct_of(field.type)
-        if inner is not None and (wanted := _complete(inner)):
-            below[field.encode_name] = wanted
-    return {
-        **({"required": must} if must else {}),
-        **({"properties": below} if below else {}),
-    }
+def _complete(kinds: Kinds) -> Schema:
+    """Return what a file that extends nothing must hold, in a section and below it."""
+    wanted = {kind: _of_struct(struct) for kind, struct in kinds.items()}
+    if not has_kinds(kinds) or not any(wanted.values()):
+        return wanted.get("", {})
+    first = next(iter(kinds))
+    options = []
+    for kind, of in wanted.items():
+        must = [*([] if kind == first else [KIND]), *of.get("required", ())]
+        below = {KIND: {"const": kind}, **of.get("properties", {})}
+        options.append({"required": must, "properties": below})
+    return {"anyOf": options}
+
+
+def _of_struct(struct: Struct) -> Schema:
+    fields = fields_of(struct).items()
+    must = [name for name, field in fields if field.default is msgspec.NODEFAULT]
+    sections = {name: _complete(field.kinds) for name, field in fields if field.is_section}
+    below = {name: wanted for name, wanted in sections.items() if wanted}
+    return {**({"required": must} if must else {}), **({"properties": below} if below else {})}

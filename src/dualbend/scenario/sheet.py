@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 
@@ -19,34 +19,28 @@ from dualbend.scene.sheet.strips import StripConfig
 _PROPERTIES = ("young_pa", "poisson_ratio", "density_kg_per_m3")
 _NUMBERS = (*_PROPERTIES, "yield_pa", "tangent_pa")
 
-MATERIAL_KEYS = ("material", "layers", *_NUMBERS)
-"""Keys that say what the sheet is of: naming a material or layers takes the inherited ones back."""
-
 
 def check_sheet(config: SheetConfig) -> None:
-    """Raise ValueError where the keys contradict, or make no thin sheet that stays flat."""
+    """Raise InputError where the keys contradict, or make no thin sheet that stays flat."""
     _refuse_contradictions(config)
-    try:
-        thickness = make_sheet(config).thickness_m
-    except InputError as error:
-        raise ValueError(str(error)) from error
+    thickness = make_sheet(config).thickness_m
     _refuse_shell(config)
     if thickness > 0.05 * min(config.length_m, config.width_m):
-        raise ValueError(
+        raise InputError(
             f"thickness_m = {thickness:g} is no thin sheet: at most a twentieth "
             f"of length_m = {config.length_m} and width_m = {config.width_m}; all are in metres"
         )
 
 
 def _refuse_shell(config: SheetConfig) -> None:
-    if config.model != "shell":
+    if not isinstance(config.model, ShellConfig):
         return
     if config.rigidity == "width":
-        raise ValueError('rigidity = "width": a shell is a plate: rigidity has no say')
+        raise InputError('rigidity = "width": a shell is a plate: rigidity has no say')
     if config.plastic:
-        raise ValueError('plastic = true: a shell stays elastic; use model = "strips"')
+        raise InputError('plastic = true: a shell stays elastic; use model = "strips"')
     if make_sheet(config).anisotropy is not None:
-        raise ValueError(
+        raise InputError(
             'model = "shell" is of one material that is alike in all directions; a laminate or an '
             'orthotropic sheet needs model = "strips"'
         )
@@ -58,15 +52,15 @@ def _refuse_contradictions(config: SheetConfig) -> None:
         missing = [key for key in needed if getattr(config, key) is None]
         if missing:
             other = "layers" if missing == ["thickness_m"] else "a material or layers"
-            raise ValueError(f"{', '.join(missing)}: missing; give a number, or {other}")
+            raise InputError(f"{', '.join(missing)}: missing; give a number, or {other}")
         return
-    both = [k for k in MATERIAL_KEYS if k != "layers" and getattr(config, k) is not None]
+    both = [k for k in ("material", *_NUMBERS) if getattr(config, k) is not None]
     if both:
-        raise ValueError(f"{both[0]}: the layers say it already; give one of the two")
+        raise InputError(f"{both[0]}: the layers say it already; give one of the two")
     total = sum(layer.thickness_m for layer in config.layers)
     given = config.thickness_m
     if given is not None and abs(given - total) > 1e-6 * total:
-        raise ValueError(
+        raise InputError(
             f"thickness_m = {given:g}: the layers are {total:g} together; leave it out"
         )
 
@@ -93,7 +87,7 @@ def make_sheet(config: SheetConfig) -> Sheet:
         poisson_ratio=poisson,
         density_kg_per_m3=whole.density_kg_per_m3,
         # A shell is a plate: what theory says of it must be of one, too.
-        rigidity="plate" if config.model == "shell" else config.rigidity,
+        rigidity="plate" if isinstance(config.model, ShellConfig) else config.rigidity,
         curvature_per_m=config.curvature_per_m or 0.0,
         anisotropy=anisotropy,
         plasticity=_plasticity(whole) if config.plastic else None,
@@ -192,7 +186,11 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     ) = None
     material: (
         Annotated[
-            str, msgspec.Meta(description="from `dualbend materials`; gives what is none below")
+            str,
+            msgspec.Meta(
+                description="from `dualbend materials`; gives what is none below",
+                extra={"replaces": ("layers", *_NUMBERS)},
+            ),
         ]
         | None
     ) = None
@@ -203,6 +201,7 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
                 min_length=1,
                 max_length=50,
                 description="a laminate from its lower to its upper face, symmetric",
+                extra={"replaces": ("material", "thickness_m", *_NUMBERS)},
             ),
         ]
         | None
@@ -246,15 +245,7 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     plastic: Annotated[
         bool, msgspec.Meta(description="it yields and springs back; false: it stays elastic")
     ] = False
-    model: Annotated[
-        Literal["strips", "shell"],
-        msgspec.Meta(
-            description="strips: a chain, as stiff as rigidity says; shell: a plate, at many times "
-            "the cost"
-        ),
-    ] = "strips"
-    strips: StripConfig = StripConfig()
-    shell: ShellConfig = ShellConfig()
+    model: StripConfig | ShellConfig = StripConfig()
 
     def __post_init__(self) -> None:
         """Refuse what is no thin sheet, no known material, and a laminate that would curl."""
@@ -266,9 +257,11 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         return substance(self).surface_limit()
 
     @property
-    def sections(self) -> int:
-        """Number of places along the sheet at which it bends."""
-        return self.strips.hinges if self.model == "strips" else self.shell.cells_along
+    def strips(self) -> StripConfig:
+        """The chain of strips; InputError where the sheet is a shell."""
+        if isinstance(self.model, StripConfig):
+            return self.model
+        raise InputError(f'sheet.model = "{self.model.kind}": this needs "strips"')
 
     def sheet(self) -> Sheet:
         """Return the sheet that the beam mathematics speaks of."""

@@ -17,6 +17,7 @@ from dualbend.scenario.keys import REQUIRED, Key, Section, sections
 from dualbend.scenario.load import list_scenarios, load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.schema import shipped_schema
+from dualbend.scenario.structs import KIND
 from dualbend.scenario.toml_text import toml
 
 DEFAULT_BASE = "fig6"
@@ -29,7 +30,8 @@ _SCHEMA_BESIDE = "scenario.schema.json"
 _HEAD = """\
 A dualbend scenario with the values of {base}. Run it: dualbend run {file}
 A # without a space after it hides a key that has its default value: take the # away to change it. \
-A section whose [header] is hidden is off; take that # away too."""
+A section whose [header] is hidden is off; take that # away too. Of the kinds of a section, which \
+have one header, a file has one."""
 
 
 def write_scenario(name: str, base: str = DEFAULT_BASE, folder: Path | None = None) -> Path:
@@ -86,12 +88,13 @@ def _schema_place(beside: Path | None) -> str:
 
 def _section(section: Section, scenario: Scenario, examples: list[Scenario]) -> str:
     """Return one table; a section that the scenario does not have is commented out whole."""
-    values = _at(scenario, section)
+    values = section.of(scenario)
     off = values is None
     lines = []
     if section.path:
-        note = " Off." if off else ""
-        lines += [_comment(section.intro + note), f"{'#' if off else ''}[{section.title}]"]
+        note = " Another kind." if off and section.kind else " Off." if off else ""
+        intro = f"{section.intro}{section.belongs}{note}"
+        lines += [_comment(intro), f"{'#' if off else ''}[{section.title}]"]
     for key in section.keys:
         lines.append(_comment(_explained(key)))
         value = _example(section, key, examples) if off else getattr(values, key.name)
@@ -101,22 +104,17 @@ def _section(section: Section, scenario: Scenario, examples: list[Scenario]) -> 
     return "\n".join(lines)
 
 
-def _at(scenario: Scenario, section: Section) -> object:
-    """Return the section's struct in a scenario; None where the scenario does not have it."""
-    values: object = scenario
-    for name in section.path:
-        values = getattr(values, name, None)
-    return values
-
-
 def _example(section: Section, key: Key, examples: list[Scenario]) -> object:
     """Return a default, or what the first shipped scenario that has the section says."""
+    if key.name == KIND and section.kind:
+        return section.kind
     if key.default is not REQUIRED:
         return key.default
     if key.in_section is not REQUIRED:
         return key.in_section
-    found = (_at(example, section) for example in examples)
-    return next((getattr(values, key.name) for values in found if values is not None), "?")
+    found = (section.of(example) for example in examples)
+    values = (getattr(values, key.name) for values in found if values is not None)
+    return next(values, key.example)
 
 
 def _explained(key: Key) -> str:

@@ -135,20 +135,19 @@ def compose_cell(
     arms: ArmPair,
     grasp: GraspConfig,
     sheet: Sheet,
-    strips: StripConfig,
+    division: StripConfig | ShellConfig,
     servo: JointServo,
     step_s: float,
     layout: LayoutConfig | None = None,
     laid_sheets: int = 0,
     *,
-    shell: ShellConfig | None = None,
     looks: bool = True,
 ) -> mujoco.MjSpec:
     """Return the whole scene: floor, two arms with servos and tools, the sheet held by both.
 
     With a layout, the grippers' jaws are driven, the sheet has holes and is held by nobody yet, and
-    bed, pins and stand are there, with room for sheets that were laid before. With a shell the
-    sheet is a plate instead of strips. Without looks, no mesh of an arm is read.
+    bed, pins and stand are there, with room for sheets that were laid before; a shell has no holes.
+    Without looks, no mesh of an arm is read.
     """
     spec = mujoco.MjSpec()
     spec.modelname = "dualbend"
@@ -170,11 +169,11 @@ def compose_cell(
         for i, joint in enumerate(placed.model.joints, arms.joints(side).start):
             _add_servo(spec, f"{side}_{joint}", servo, i)
     middle = np.array([0.0, 0.0, cell.sheet_height_m])
-    if shell is not None:
+    if isinstance(division, ShellConfig):
         prepare_for_shell(spec)
-        add_shell(spec, sheet, shell, middle)
+        add_shell(spec, sheet, division, middle)
     else:
-        add_sheet(spec, sheet, strips, middle)
+        add_sheet(spec, sheet, division, middle)
     for side, end in zip(SIDES, (LEFT_END, RIGHT_END), strict=True):
         hold = spec.add_equality(
             name=f"{side}_hold",
@@ -190,8 +189,9 @@ def compose_cell(
     if layout is not None:
         for side in SIDES:
             _add_jaw_drives(spec, side)
-        add_workplace(spec, layout, sheet, strips, laid_sheets)
-        add_holes(spec, sheet, strips, layout)
+        assert isinstance(division, StripConfig)
+        add_workplace(spec, layout, sheet, division, laid_sheets)
+        add_holes(spec, sheet, division, layout)
     return spec
 
 

@@ -1,4 +1,4 @@
-"""The two grippers' jaws: they grip the sheet's end where both press on it, as it lies."""
+"""Jaws of the two grippers, which hold a sheet's end once both press on it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
 from dualbend.types import SIDES, Vector
 
 _SQUEEZE_M = 4e-4
-"""How far beyond closed the jaws are driven: 8 N less friction on what is between them."""
+"""Distance beyond closed to which a jaw is driven: 8 N, less friction, on what is between them."""
 
 _SQUEEZE_STEP_M = 2e-5
-"""By which the squeeze grows each time that the jaws are told to close."""
+"""Growth of the squeeze in each cycle in which the jaws are to close."""
 
 _LET_GO_M = 5e-4
 """Distance of a pad from the sheet's face at which the sheet is free."""
@@ -49,7 +49,7 @@ class Grippers:
         self._opening_m = self._squeeze_m = 0.0
 
     def reset(self, opening_m: float) -> None:
-        """Open both jaws of each gripper; nobody holds anything."""
+        """Open both jaws of each gripper, with no sheet held."""
         self._data.qpos[self._jaw_q] = opening_m
         for i in range(len(SIDES)):
             self._release(i)
@@ -59,7 +59,7 @@ class Grippers:
     def drive(self, opening_m: float) -> None:
         """Drive each jaw to this distance from the middle [m]; 0 closes with force."""
         self._opening_m = opening_m
-        # Little by little: what jumps would be through a thin sheet in a step.
+        # In small steps: a jaw that jumps would be through a thin sheet in one physics step.
         self._squeeze_m = min(self._squeeze_m + _SQUEEZE_STEP_M, _SQUEEZE_M)
         if opening_m > 0.0:
             self._squeeze_m = 0.0
@@ -80,8 +80,8 @@ class Grippers:
         left, right = self._data.eq_active[self._holds]
         return bool(left), bool(right)
 
-    def look(self) -> None:
-        """Hold what both jaws press at once: a step later they would be through a thin sheet."""
+    def on_step(self) -> None:
+        """Hold at once what both jaws press: a step later they would be through a thin sheet."""
         if self._opening_m < self._thickness_m and not all(self.holding):
             self.update()
 

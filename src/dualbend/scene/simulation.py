@@ -1,9 +1,9 @@
-"""The cell in motion: the only place that steps the physics, and what is seen of it each cycle."""
+"""Simulation of a cell by command cycles; the only module that steps the physics."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -46,20 +46,13 @@ class Observation:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSample:
-    """True wrench on the arms at the wrist sensors, in their frames, as old as the latency says.
+    """True wrench on the arms at the wrist sensors, in their frames, delayed by the latency.
 
     ``wrench`` (2, 6) [N, N m]; ``rotation`` (2, 3, 3) takes sensor axes to the world.
     """
 
     wrench: Vector
     rotation: Vector
-
-
-class Watch(Protocol):
-    """What looks at the physics after every step, where once a cycle would miss a peak."""
-
-    def look(self) -> None:
-        """Look at the state that the step has reached."""
 
 
 class Simulation:
@@ -95,7 +88,8 @@ class Simulation:
         self._stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
         self.sheet = StripModel(model, sheet) if isinstance(sheet, StripConfig) else sheet
         self._hold_ids(grasp)
-        self.watch: Watch | None = None
+        self.on_step: Callable[[], None] | None = None
+        """Called after every physics step, where once per cycle would miss a peak."""
         whole, within = divmod(max(latency_steps, 1) - 1, self.steps)
         self._sample_step = self.steps - 1 - within
         self._line = TransportDelay(whole, 2 * (6 + 9))
@@ -125,22 +119,11 @@ class Simulation:
         jaws = [model.joint(f"{side}_{jaw}") for side in SIDES for jaw in arm.JAW_JOINTS]
         self._jaw_q = [jaw.qposadr[0] for jaw in jaws]
 
-    def reset(
-        self,
-        q: Vector,
-        jaw_opening_m: float,
-        slopes: Vector,
-        middle_m: Vector,
-        yaw_rad: float = 0.0,
-    ) -> SensorSample:
-        """Start at rest and return the first sample.
-
-        Joint angles (n,) [rad], opening of each jaw, slopes of the strips (N + 1,) [rad], place
-        of the sheet's middle (3,) in the world, the sheet's turn about the vertical.
-        """
+    def reset(self, positions: Vector) -> SensorSample:
+        """Start at rest in positions from :meth:`positions` (nq,) and return the first sample."""
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:] = self.positions(q, jaw_opening_m, slopes, middle_m, yaw_rad)
-        self.data.ctrl[self._drives] = q
+        self.data.qpos[:] = positions
+        self.data.ctrl[self._drives] = positions[self._q]
         mujoco.mj_forward(self.model, self.data)
         sample = self._sense()
         self._line.reset(sample)
@@ -154,7 +137,11 @@ class Simulation:
         middle_m: Vector,
         yaw_rad: float = 0.0,
     ) -> Vector:
-        """Return the physics positions (nq,); arguments as :meth:`reset` has them."""
+        """Return the physics positions (nq,) of arms, jaws and sheet.
+
+        Joint angles (n,) [rad], opening of each jaw, slopes of the sheet's pieces (N + 1,) [rad],
+        place of its middle (3,) in the world [m], its turn about the vertical.
+        """
         qpos: Vector = self.model.qpos0.copy()
         qpos[self._q] = q
         qpos[self._jaw_q] = jaw_opening_m
@@ -162,7 +149,7 @@ class Simulation:
         return qpos
 
     def put_sheet(self, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
-        """Put the sheet somewhere, at rest, untwisted; arguments as :meth:`reset` has them."""
+        """Put the sheet elsewhere, at rest, untwisted; arguments as :meth:`positions` has them."""
         self.sheet.place(self.data.qpos, slopes, middle_m, yaw_rad)
         self.data.qvel[self.sheet.dofs] = 0.0
 
@@ -177,7 +164,7 @@ class Simulation:
         return self.sheet.bending_angles(self.data)
 
     def observe(self) -> Observation:
-        """Bring positions up to date and look; call :meth:`advance` next."""
+        """Update the positions and return what they are; call :meth:`advance` next."""
         data = self.data
         mujoco.mj_step1(self.model, data)
         grip_axes = data.site_xmat[self._grips].reshape(2, 3, 3)
@@ -242,7 +229,7 @@ class Simulation:
         model, data = self.model, self.data
         feed_forward = data.qfrc_bias[self._dof] - data.qfrc_gravcomp[self._dof]
         rows = setpoints + feed_forward / self._stiffness
-        sample, watch = np.empty(0), self.watch
+        sample = np.empty(0)
         for step in range(self.steps):
             data.ctrl[self._drives] = rows[step]
             if step:
@@ -251,8 +238,8 @@ class Simulation:
                 mujoco.mj_step2(model, data)
             if step == self._sample_step:
                 sample = self._sense()
-            if watch is not None:
-                watch.look()
+            if self.on_step is not None:
+                self.on_step()
         return _unpack(self._line.update(sample))
 
     def _sense(self) -> Vector:
@@ -268,7 +255,7 @@ def _unpack(sample: Vector) -> SensorSample:
 
 
 def tool_mass_and_centre(model: mujoco.MjModel, side: str) -> tuple[float, Vector]:
-    """Return mass [kg] and centre (3,) [m] of what hangs beyond the sensor, in its frame."""
+    """Return mass [kg] and centre of mass (3,) [m] of all beyond the sensor, in its frame."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     body = model.body(f"{side}_hand").id

@@ -1,4 +1,4 @@
-"""Physics that can no longer be believed: MuJoCo's warning counters."""
+"""Simulations that are no longer valid, by MuJoCo's warning counters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 class SimulationFailed(Exception):  # noqa: N818 - an outcome of a run
-    """The physics can no longer be believed; the message says why."""
+    """The simulation is no longer valid; the message says why."""
 
 
 @contextmanager

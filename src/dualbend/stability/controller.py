@@ -9,7 +9,12 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
+from dualbend.control.compliance.admittance import (
+    Admittance,
+    AdmittanceConfig,
+    AxisConfig,
+    ModelAdmittanceConfig,
+)
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.filters import LowPass
 from dualbend.stability.state_space import StateSpace, from_transfer_function, parallel, static
@@ -98,8 +103,14 @@ def plain_admittance(admittance: ModelAdmittance, alpha_rad: float) -> Admittanc
     )
 
 
-def _without_model(config: AdmittanceConfig) -> AdmittanceConfig:
-    units = "si" if config.units == "sheet" else config.units
-    return msgspec.structs.replace(
-        config, units=units, schedule=None, reference=None, fusion=None, predictor=None
+def _without_model(config: ModelAdmittanceConfig) -> AdmittanceConfig:
+    return AdmittanceConfig(
+        sensing=config.sensing,
+        complying=config.complying,
+        x=config.x,
+        rotation=config.rotation,
+        units="paper" if config.units == "paper" else "si",
+        limit_x_m=config.limit_x_m,
+        limit_rotation_rad=config.limit_rotation_rad,
+        tare=config.tare,
     )

@@ -12,8 +12,8 @@ import numpy as np
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceAxis,
-    AdmittanceConfig,
     AxisConfig,
+    ComplianceConfig,
 )
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
@@ -136,7 +136,7 @@ def _reach(low: float, high: float) -> Vector:
     return low * 10.0 ** (np.arange(steps + 1) / PER_DECADE)
 
 
-def gain_units(config: AdmittanceConfig, axis: Literal["x", "rotation"]) -> tuple[str, str]:
+def gain_units(config: ComplianceConfig, axis: Literal["x", "rotation"]) -> tuple[str, str]:
     """Return the units of b and k."""
     length, si, load = ("mm", "m", "N") if axis == "x" else ("deg", "rad", "N m")
     unit = length if config.units == "paper" else si
@@ -144,7 +144,7 @@ def gain_units(config: AdmittanceConfig, axis: Literal["x", "rotation"]) -> tupl
 
 
 def _filters(
-    config: AdmittanceConfig, axis: Literal["x", "rotation"], factors: tuple[Vector, Vector]
+    config: ComplianceConfig, axis: Literal["x", "rotation"], factors: tuple[Vector, Vector]
 ) -> tuple[Vector, dict[int, ComplexVector]]:
     """Return the filter's factor g (n, m), and by diagonal of the map its shape 1/(1 − a z⁻¹).
 

@@ -17,17 +17,16 @@ from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import sheet_wrench
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance
-from dualbend.control.filters import LowPass, LowPassConfig
+from dualbend.control.filters import LowPass, NoFilterConfig
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.run.known_sheet import known_sheet, reading_age_steps, response_model
 from dualbend.scenario.motion import PHASES, nominal_motion
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.arm_compliance import ArmCompliance
 from dualbend.stability.plant.equilibrium import find_equilibrium
 from dualbend.types import Vector
 
-_NO_FILTER = LowPassConfig(kind="none")
+_NO_FILTER = NoFilterConfig()
 _EVERY = 4
 """Cycles between two solved states of the sheet."""
 
@@ -49,7 +48,7 @@ class PathPrediction:
         self._now = self._nominal_motion(1)
         self._read = self._nominal_motion(self._age_steps)
         self._wrench = self._nominal_wrench()
-        knots = make_path(scenario.path, scenario.sheet.length_m).knots
+        knots = scenario.path.make(scenario.sheet.length_m).knots
         piece = np.searchsorted(knots, motion.alpha_rad, side="right") - 1
         self._piece = np.clip(piece, 0, len(knots) - 2)
         self._bend = motion.phase == PHASES.index("bend")
@@ -104,7 +103,7 @@ class PathPrediction:
     def _moments(self, admittance: Admittance | None, noise: Vector) -> Vector:
         if admittance is None:
             return np.asarray(self._wrench[:, 2])
-        delay, lever = self.scenario.alter.delay_cycles, self.scenario.sensor.lever_arm_m
+        delay, lever = self.scenario.robot.alter.delay_cycles, self.scenario.sensor.lever_arm_m
         now, read = (
             response_model(
                 self.scenario, delay_cycles=delay, channels=2, low_pass=_NO_FILTER, age_steps=age

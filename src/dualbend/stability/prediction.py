@@ -116,7 +116,7 @@ def acting_angles(
     """
     names = [name for name in SINGLE_AXES if axis in (name, "coupled")]
     parts = [part for name in names if (part := getattr(elements.admittance, name)) is not None]
-    if not scenario.arms.complying or not parts:
+    if not scenario.compliance.complying or not parts:
         of = {"coupled": "", "rotation": " about rotation", "x": " along x"}[axis]
         return [], f"no compliance{of}"
     start, end = scenario.path.start_rad, scenario.path.end_rad

@@ -71,9 +71,9 @@ class LoopElements:
         """Build the elements from the configurations that the run builds them from."""
         steps = steps_per_cycle(scenario.physics.step_s)
         return cls(
-            response=CommandResponse(scenario.response, 1, steps),
+            response=CommandResponse(scenario.robot.response, 1, steps),
             low_pass=LowPass(scenario.filter, 1),
-            delay=TransportDelay(scenario.alter.delay_cycles, 1),
+            delay=TransportDelay(scenario.robot.alter.delay_cycles, 1),
             admittance=make_admittance(scenario),
             age_steps=reading_age_steps(scenario),
         )

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 import tomli_w
 
-from dualbend.control.compliance.admittance import AdmittanceConfig, AxisConfig
+from dualbend.control.compliance.admittance import AxisConfig, ModelAdmittanceConfig
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
@@ -27,7 +27,7 @@ from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.prediction import predict
 from dualbend.stability.sampled import LoopElements, environment_loops
 
-BEYOND_THE_PAPER = AdmittanceConfig(
+BEYOND_THE_PAPER = ModelAdmittanceConfig(
     units="sheet",
     x=AxisConfig(b=0.025, k=0.01, form="static"),
     rotation=AxisConfig(b=0.2, k=0.01, form="static"),
@@ -59,7 +59,7 @@ class Margin(msgspec.Struct, frozen=True, kw_only=True):
 class Candidate(msgspec.Struct, frozen=True, kw_only=True):
     """Gains, their margins and the predicted peaks of the pieces [N m], means over the seeds."""
 
-    compliance: AdmittanceConfig
+    compliance: ModelAdmittanceConfig
     margin: Margin
     peaks: tuple[float, ...]
 
@@ -98,7 +98,12 @@ def tune(
 
     Raises InputError where not even slower gains have the required margins.
     """
-    compliance = scenario.compliance if scenario.compliance.schedule else BEYOND_THE_PAPER
+    given = scenario.compliance
+    compliance = msgspec.structs.replace(
+        BEYOND_THE_PAPER, sensing=given.sensing, complying=given.complying
+    )
+    if isinstance(given, ModelAdmittanceConfig) and given.schedule:
+        compliance = given
     start = msgspec.structs.replace(scenario, compliance=compliance)
     search = _Search(start, required, seeds)
     found = search.run()
@@ -158,6 +163,7 @@ class _Search:
     def _first(self) -> Candidate:
         """Return the start, slowed down until it has the margins."""
         compliance = self.scenario.compliance
+        assert isinstance(compliance, ModelAdmittanceConfig)
         for _ in range(12):
             tried = self._try(compliance)
             if tried is not None and tried.margin.fulfils(self.required):
@@ -169,7 +175,7 @@ class _Search:
             "of margin along this path; ask for less or let the compliance begin later"
         )
 
-    def _try(self, compliance: AdmittanceConfig | None) -> Candidate | None:
+    def _try(self, compliance: ModelAdmittanceConfig | None) -> Candidate | None:
         if compliance is None:
             return None
         scenario = msgspec.structs.replace(self.scenario, compliance=compliance)
@@ -198,7 +204,7 @@ def min_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
     return Margin(gain_db=gain, phase_deg=phase)
 
 
-def _knobs(config: AdmittanceConfig) -> dict[str, float]:
+def _knobs(config: ModelAdmittanceConfig) -> dict[str, float]:
     """Return what the search changes of a compliance: times [s] by section and key."""
     found: dict[str, float] = {}
     for knob in ("x.b", "rotation.b", "predictor.lead_x_s", "predictor.lead_rotation_s"):
@@ -209,7 +215,9 @@ def _knobs(config: AdmittanceConfig) -> dict[str, float]:
     return found
 
 
-def _turned(config: AdmittanceConfig, knob: str, factor: float) -> AdmittanceConfig | None:
+def _turned(
+    config: ModelAdmittanceConfig, knob: str, factor: float
+) -> ModelAdmittanceConfig | None:
     """Return a compliance with one time multiplied; None where that leaves the range."""
     section, key = knob.split(".")
     part = getattr(config, section)

@@ -1,4 +1,4 @@
-"""How fast the loop is, told by ratios taken in one process: times depend on the machine."""
+"""How fast the loop is, as ratios taken in one process: times depend on the machine."""
 
 from __future__ import annotations
 

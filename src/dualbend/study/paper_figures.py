@@ -1,17 +1,11 @@
-"""The paper's Figs. 6, 8 and 9 from nothing: run, draw in its layout, put on one page."""
+"""The paper's Figs. 6, 8 and 9 from scratch: run, draw in its layout, put on one page."""
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import matplotlib as mpl
-
-mpl.use("Agg")
-
 from matplotlib.figure import Figure
 
 from dualbend.errors import InputError
@@ -24,6 +18,9 @@ from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.run.saved import load_run
 from dualbend.scenario.load import load_scenario
+from dualbend.study.engine import Study
+from dualbend.study.picture import save
+from dualbend.study.processes import in_processes
 
 PROCESSES = 2
 FORMATS = ("png", "svg")
@@ -53,35 +50,26 @@ def make_figures(
         output.prepare_folder(folder)
     for name in folders:
         load_scenario(name, settings)
-    _run_all(folders, settings, on_done)
-    runs = [load_run(folder) for folder in folders.values()]
-    try:
-        write_pictures(runs, out)
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be written: {error.strerror or error}") from error
+    study = Study(
+        design=list(folders),
+        task=lambda name: (name, tuple(settings), folders[name]),
+        run_one=_run,
+        key=str,
+        summarise=lambda names: [load_run(folders[name]) for name in names],
+    )
+
+    def tell(_: int, __: int, name: str | None) -> None:
+        if name is not None:
+            on_done(load_run(folders[name]))
+
+    runs = study.run(in_processes(PROCESSES), on_run=tell)
+    write_pictures(runs, out)
     write_report(list(folders.values()), out / "report.html")
     return runs
 
 
-def _run_all(
-    folders: dict[str, Path], settings: Sequence[str], on_done: Callable[[RunRecord], None]
-) -> None:
-    context = multiprocessing.get_context("spawn")
-    try:
-        with ProcessPoolExecutor(min(PROCESSES, len(folders)), mp_context=context) as pool:
-            futures = {
-                pool.submit(_run, name, tuple(settings), folder): folder
-                for name, folder in folders.items()
-            }
-            for future in as_completed(futures):
-                future.result()
-                on_done(load_run(futures[future]))
-    except BrokenProcessPool as error:
-        raise InputError(f"a process was ended from outside ({error}); run it again") from error
-
-
-def _run(name: str, settings: Sequence[str], folder: Path) -> None:
-    """Run a scenario and leave what a report is made from."""
+def _run(name: str, settings: Sequence[str], folder: Path) -> str:
+    """Run a scenario, leave what a report is made from, and return its name."""
     result = make_run(load_scenario(name, settings)).run()
     try:
         (folder / "trace.arrow").unlink(missing_ok=True)  # of an earlier run that was killed
@@ -90,6 +78,7 @@ def _run(name: str, settings: Sequence[str], folder: Path) -> None:
         output.write_summary(result, folder / "summary.json")
     except OSError as error:
         raise InputError(f"--out {folder}: {error.strerror or error}") from error
+    return name
 
 
 def write_pictures(runs: Sequence[RunRecord], out: Path) -> None:
@@ -97,7 +86,7 @@ def write_pictures(runs: Sequence[RunRecord], out: Path) -> None:
 
     Raises
     ------
-    OSError
+    InputError
         A file cannot be written.
     """
     mpl.rcParams["svg.hashsalt"] = "dualbend"  # the same file from the same run
@@ -132,4 +121,4 @@ def _save(figure: Figure, stem: Path) -> None:
     for kind in FORMATS:
         # No date: the same run leaves the same bytes.
         metadata = {"Date": None} if kind == "svg" else None
-        figure.savefig(stem.with_name(f"{stem.name}.{kind}"), dpi=120, metadata=metadata)
+        save(figure, stem.with_name(f"{stem.name}.{kind}"), metadata=metadata)

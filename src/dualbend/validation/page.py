@@ -30,7 +30,7 @@ def validation_page(rows: Sequence[Row], versions: Mapping[str, str]) -> str:
         versions=", ".join(f"{name} {number}" for name, number in versions.items()),
     )
     columns = (
-        *(Column(""), Column("what"), Column("measured"), Column("reference"), Column("unit")),
+        *("", "what", "measured", "reference", "unit"),
         *(Column("error", format=".2g"), Column("allowed", format=".2g")),
     )
     return "\n".join([head, Table(columns, [_cells(row) for row in rows]).markdown(), ""])

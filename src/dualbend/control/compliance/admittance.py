@@ -6,7 +6,7 @@ No vertical force enters; the moment that the sheet's own weight makes does.
 """
 
 import math
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal, Protocol, TypeAlias
 
 import msgspec
 import numpy as np
@@ -15,7 +15,8 @@ from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
-from dualbend.types import Vector
+from dualbend.errors import InputError
+from dualbend.types import Side, Tagged, Vector
 
 MM_PER_M = 1e3
 DEG_PER_RAD = 180.0 / math.pi
@@ -28,7 +29,7 @@ class AxisConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     `form`: "printed" is (15) as published, δ[n] = a δ[n−1] + F/b, which lacks the factor T of
     impulse invariance; "impulse-invariant" has it, δ[n] = a δ[n−1] + (T/b) F; "static" has the
-    true static stiffness k, δ[n] = a δ[n−1] + ((1 − a)/k) F. `units` of the `AdmittanceConfig`
+    true static stiffness k, δ[n] = a δ[n−1] + ((1 − a)/k) F. `units` of the section
     says in which units b and k are.
     """
 
@@ -45,26 +46,120 @@ class AxisConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     ] = 0.0
 
 
-class AdmittanceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Which axes comply, in which units, how far, and from which reading.
+class _Compliance(Tagged, frozen=True, kw_only=True):
+    """Which arms sense and which comply; what only some kinds have is None in the others."""
 
-    `units`: "paper" means N, mm, N m and degrees for b and k; "si" means N s/m, N/m, N m s/rad and
-    N m/rad; "sheet" means s and 1, multiples of the known stiffness, and belongs to `schedule`. An
-    axis that is None is off. With `tare` an axis sees the wrench relative to the first
-    reading after it is switched on. `schedule`, `reference`, `fusion` and `predictor` go beyond
-    the paper, see `dualbend.control.compliance.model`.
-    """
+    sensing: Annotated[
+        tuple[Side, ...],
+        msgspec.Meta(min_length=1, max_length=2, description="arms with a force/torque sensor"),
+    ] = ("left",)
+    complying: Annotated[
+        tuple[Side, ...], msgspec.Meta(max_length=2, description="arms that the compliance moves")
+    ] = ("left",)
+
+    def __post_init__(self) -> None:
+        """Refuse an arm that is named twice."""
+        for name, sides in (("sensing", self.sensing), ("complying", self.complying)):
+            if len(set(sides)) != len(sides):
+                raise InputError(f"{name} names an arm twice: {list(sides)}")
+
+    @property
+    def x(self) -> AxisConfig | None:
+        """The axis along x; None: off."""
+        return None
+
+    @property
+    def rotation(self) -> AxisConfig | None:
+        """The axis about y; None: off."""
+        return None
+
+    @property
+    def limit_x_m(self) -> float:
+        """The largest |δx| [m]."""
+        return 0.0
+
+    @property
+    def limit_rotation_rad(self) -> float:
+        """The largest |δα| [rad]."""
+        return 0.0
+
+    @property
+    def tare(self) -> bool:
+        """Loads count from the first reading after an axis is switched on."""
+        return False
+
+    @property
+    def units(self) -> str:
+        """In which b and k are given."""
+        return "paper"
+
+    @property
+    def schedule(self) -> ScheduleConfig | None:
+        """Gains in proportion to the known stiffness; None: constant."""
+        return None
+
+    @property
+    def reference(self) -> ReferenceConfig | None:
+        """Loads that belong to the right path; None: none do."""
+        return None
+
+    @property
+    def fusion(self) -> FusionConfig | None:
+        """Force and moment read together; None: each axis by itself."""
+        return None
+
+    @property
+    def predictor(self) -> PredictorConfig | None:
+        """Compensation of the loop's delay; None: none."""
+        return None
+
+    @property
+    def modelled(self) -> bool:
+        """Something of it needs to know the sheet."""
+        parts = (self.schedule, self.reference, self.fusion, self.predictor)
+        return any(part is not None for part in parts)
+
+
+class NoComplianceConfig(_Compliance, frozen=True, kw_only=True, tag="none"):
+    """The arms follow their path whatever the sensors read."""
+
+
+class _TwoAxes(_Compliance, frozen=True, kw_only=True):
+    """Which axes comply and how far; an axis that is None is off."""
 
     x: AxisConfig | None = None
     rotation: AxisConfig | None = None
-    units: Annotated[
-        Literal["paper", "si", "sheet"], msgspec.Meta(description="in which b and k are given")
-    ] = "paper"
     limit_x_m: Annotated[float, msgspec.Meta(gt=0, description="largest |δx| [m]")] = 0.02
     limit_rotation_rad: Annotated[float, msgspec.Meta(gt=0, description="largest |δα| [rad]")] = 0.1
     tare: Annotated[
         bool, msgspec.Meta(description="loads count from the first reading after switching on")
     ] = False
+
+
+class AdmittanceConfig(_TwoAxes, frozen=True, kw_only=True, tag="admittance"):
+    """The paper's compliance: constant gains along x and about y, on the wrench alone.
+
+    `units`: "paper" means N, mm, N m and degrees for b and k; "si" means N s/m, N/m, N m s/rad and
+    N m/rad. An axis that is None is off. With `tare` an axis sees the wrench relative to the first
+    reading after it is switched on. A complying arm without a sensor mirrors the deviation of the
+    arm that has one.
+    """
+
+    units: Annotated[
+        Literal["paper", "si"], msgspec.Meta(description="in which b and k are given")
+    ] = "paper"
+
+
+class ModelAdmittanceConfig(_TwoAxes, frozen=True, kw_only=True, tag="model"):
+    """Compliance that knows sheet, arms and tool: each part goes beyond the paper by itself.
+
+    `units` as of kind = "admittance"; "sheet" means s and 1, multiples of the known stiffness, and
+    belongs to `schedule`. See `dualbend.control.compliance.model`.
+    """
+
+    units: Annotated[
+        Literal["paper", "si", "sheet"], msgspec.Meta(description="in which b and k are given")
+    ] = "paper"
     schedule: ScheduleConfig | None = None
     reference: ReferenceConfig | None = None
     fusion: FusionConfig | None = None
@@ -72,17 +167,16 @@ class AdmittanceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
     def __post_init__(self) -> None:
         """Refuse gains in units that the schedule does not give, and the other way round."""
+        super().__post_init__()
         if (self.units == "sheet") != (self.schedule is not None):
-            raise ValueError(
+            raise InputError(
                 'units = "sheet" and the section schedule belong together: with it b is in s and '
                 "k is a ratio to the sheet's stiffness"
             )
 
-    @property
-    def modelled(self) -> bool:
-        """Something of it needs to know the sheet."""
-        parts = (self.schedule, self.reference, self.fusion, self.predictor)
-        return any(part is not None for part in parts)
+
+ComplianceConfig: TypeAlias = AdmittanceConfig | ModelAdmittanceConfig | NoComplianceConfig
+"""How an arm complies with the wrench that it reads."""
 
 
 class AdmittanceAxis:
@@ -189,7 +283,7 @@ class Admittance:
         Both axes. `x` and `rotation` of this object are the filters that run, or None.
     """
 
-    def __init__(self, config: AdmittanceConfig) -> None:
+    def __init__(self, config: ComplianceConfig) -> None:
         self.config = config
         paper = config.units == "paper"
 

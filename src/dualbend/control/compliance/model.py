@@ -18,8 +18,8 @@ import numpy as np
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceAxis,
-    AdmittanceConfig,
     Deviation,
+    ModelAdmittanceConfig,
 )
 from dualbend.control.compliance.predictor import ResponseLead, ResponseModel, lead_share
 from dualbend.control.compliance.reference import moment_rows, reference
@@ -67,13 +67,14 @@ class ModelAdmittance(Admittance):
 
     def __init__(
         self,
-        config: AdmittanceConfig,
+        config: ModelAdmittanceConfig,
         *,
         known: KnownSheet,
         response: CommandResponseConfig,
         own: ResponseModel,
         nominal: ResponseModel,
     ) -> None:
+        self.config: ModelAdmittanceConfig
         self.known, self._own, self._nominal = known, own, nominal
         predictor = config.predictor
         lags = (predictor.lead_x_s, predictor.lead_rotation_s) if predictor else (None, None)

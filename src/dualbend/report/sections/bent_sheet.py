@@ -21,8 +21,7 @@ from dualbend.report.plot import COLOURS, Axis, Curve, Plot
 from dualbend.report.section import Figure, Panels, Section
 from dualbend.report.shape import Shape, has_shape, shapes
 from dualbend.run.record import RunRecord
-from dualbend.scenario.path import make_path
-from dualbend.table import Column, Table
+from dualbend.table import Table, quantity
 
 _REFERENCE = (
     "The reference solution is the rod with weight: between grips that follow the nominal path "
@@ -57,7 +56,7 @@ def path_section(run: RunRecord) -> Section:
     if not rows.size:
         return Section(title, [_NOT_BENT])
     length, knots = run.scenario.sheet.length_m, np.array(knots_of(run.scenario))
-    path = make_path(run.scenario.path, length)
+    path = run.scenario.path.make(length)
     grid = np.union1d(np.linspace(knots[0], knots[-1], 200), knots)
     exact = np.stack([elastica.half_distance(grid, length), elastica.rise(grid, length)])
     nominal = np.stack(path.at(grid))
@@ -119,8 +118,9 @@ def shape_section(run: RunRecord) -> Section:
             Curve(name="", x=x, y=z, colour="grey", width=6.0, opacity=0.4),
             Curve(name=name, x=1e3 * shape.x_m, y=1e3 * shape.z_m, colour=colour),
         ]
+    simulated = _SIMULATED[run.scenario.sheet.model.kind]
     caption = (
-        f"Side view, x and z not on one scale. Coloured: {_SIMULATED[run.scenario.sheet.model]}; "
+        f"Side view, x and z not on one scale. Coloured: {simulated}; "
         "broad and grey: the zero-moment elastica of the sheet's own end slope. The arms lag "
         "behind the nominal angle, which names each shape."
     )
@@ -135,9 +135,8 @@ def shape_section(run: RunRecord) -> Section:
 
 def _distances(found: Sequence[Shape], *, elastic: bool) -> Table:
     columns = [
-        *(Column("nominal angle", "rad", right=True), Column("end slope", "rad", right=True)),
-        *(Column("time", "s", right=True), Column("off the elastica", "mm", ".3g", right=True)),
-        Column("off the rod with weight", "mm", ".3g", right=True),
+        *(quantity("nominal angle", "rad"), quantity("end slope", "rad"), quantity("time", "s")),
+        *(quantity(f"off the {name}", "mm", ".3g") for name in ("elastica", "rod with weight")),
     ]
     rows: list[tuple[float | str, ...]] = [
         (

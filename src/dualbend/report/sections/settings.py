@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import msgspec
 
-from dualbend.control.compliance.admittance import AdmittanceConfig
+from dualbend.control.compliance.admittance import ComplianceConfig
 from dualbend.scenario.keys import REQUIRED, Section, sections
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.toml_text import toml
@@ -29,16 +27,15 @@ class Setting(msgspec.Struct, frozen=True, kw_only=True):
 
 def settings_of(scenario: Scenario) -> list[Setting]:
     """Return every key that a scenario sets or inherits; of sections that are off, none."""
-    tree = msgspec.to_builtins(scenario)
     units = _gain_units(scenario.compliance)
     return [
         msgspec.structs.replace(setting, unit=units.get(setting.key, setting.unit))
         for section in sections()
-        for setting in _of_section(section, _inside(tree, section))
+        for setting in _of_section(section, section.of(scenario))
     ]
 
 
-def _gain_units(config: AdmittanceConfig) -> dict[str, str]:
+def _gain_units(config: ComplianceConfig) -> dict[str, str]:
     """Return the units of the gains, which ``compliance.units`` chooses."""
     return {
         f"compliance.{axis}.{gain}": unit
@@ -47,20 +44,15 @@ def _gain_units(config: AdmittanceConfig) -> dict[str, str]:
     }
 
 
-def _inside(tree: object, section: Section) -> dict[str, Any] | None:
-    for part in section.path:
-        tree = tree.get(part) if isinstance(tree, dict) else None
-    return tree if isinstance(tree, dict) else None
-
-
-def _of_section(section: Section, values: dict[str, Any] | None) -> list[Setting]:
+def _of_section(section: Section, values: object) -> list[Setting]:
     if values is None:
         return []
     found = []
     for key in section.keys:
         if not section.path and key.name in _NAMES_OF_THE_RUN:
             continue
-        value, default = values[key.name], msgspec.to_builtins(_default(key.in_section))
+        value = msgspec.to_builtins(getattr(values, key.name))
+        default = msgspec.to_builtins(_default(key.in_section))
         found.append(
             Setting(
                 key=".".join((*section.path, key.name)),

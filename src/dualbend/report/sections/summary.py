@@ -8,7 +8,7 @@ from dualbend.arm.joint_limits import JointLimitMargins
 from dualbend.evaluation.sheet import SheetReport
 from dualbend.report.section import Section
 from dualbend.run.record import RunRecord
-from dualbend.table import Column, Table
+from dualbend.table import Columns, Table, quantity
 
 
 def sheet_section(run: RunRecord) -> Section | None:
@@ -35,13 +35,13 @@ def _facts(sheet: SheetReport) -> Table:
         ("simulated so that it yields", sheet.plastic, None),
         ("elastic theory", sheet.theory, None),
     ]
-    return Table([Column("what"), Column("value"), Column("unit")], rows, "The sheet")
+    return Table(["what", "value", "unit"], rows, "The sheet")
 
 
 def _rigidity(sheet: SheetReport) -> Table:
-    columns = [
-        *(Column("rigidity"), Column("bending stiffness", "N m²", right=True)),
-        *(Column("over EI", right=True), Column("end force", "%", "+.2g", right=True)),
+    columns: Columns = [
+        *("rigidity", quantity("bending stiffness", "N m²"), quantity("over EI")),
+        quantity("end force", "%", "+.2g"),
     ]
     rows = [
         (
@@ -64,9 +64,9 @@ def arms_section(run: RunRecord) -> Section | None:
         arms = msgspec.convert(run.summary.arms, dict[str, JointLimitMargins])
     except msgspec.ValidationError as error:
         return Section("Arms", [f"The summary's arms are not readable: {error}"])
-    columns = [
-        *(Column("side"), Column("arm"), Column("smallest manipulability", "–", right=True)),
-        *(Column("nearest limit", "degrees", right=True), Column("of joint")),
+    columns: Columns = [
+        *("side", "arm", quantity("smallest manipulability", "–")),
+        *(quantity("nearest limit", "degrees"), "of joint"),
     ]
     rows = [
         (side, room.arm, room.manipulability, room.margin_deg, room.joint or None)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dualbend.report.section import Block, Details, Section
 from dualbend.report.sections.settings import Setting, settings_of
 from dualbend.run.record import Metric, RunRecord
-from dualbend.table import Code, Column, Table, shown
+from dualbend.table import Code, Column, Columns, Table, quantity, shown
 
 
 def metrics_section(runs: Sequence[RunRecord], names: Sequence[str], of: str) -> Section:
@@ -26,7 +26,7 @@ def metrics_section(runs: Sequence[RunRecord], names: Sequence[str], of: str) ->
         )
         for name, unit in known.items()
     ]
-    columns = [Column("metric"), *(Column(name, right=True) for name in names), Column("unit")]
+    columns: Columns = ["metric", *(quantity(name) for name in names), "unit"]
     return Section(
         "Metrics", [Table(columns, rows, f"Metrics; moments and forces are true ones, {of}")]
     )
@@ -57,7 +57,6 @@ def settings_section(run: RunRecord) -> Section:
 
 
 def _settings(caption: str, settings: Sequence[Setting]) -> Table:
-    names = ("key", "value", "unit", "default", "what it is")
     rows = [
         (
             Code(setting.key),
@@ -68,7 +67,8 @@ def _settings(caption: str, settings: Sequence[Setting]) -> Table:
         )
         for setting in settings
     ]
-    return Table([Column(name, right=name == "value") for name in names], rows, caption)
+    columns: Columns = ["key", quantity("value"), "unit", "default", "what it is"]
+    return Table(columns, rows, caption)
 
 
 def origin_section(run: RunRecord) -> Section:
@@ -86,7 +86,7 @@ def origin_section(run: RunRecord) -> Section:
     ]
     if run.model_sha256:
         rows.append(("model (SHA-256)", Code(run.model_sha256)))
-    columns = [Column("what"), Column("value", format="d")]
+    columns: Columns = ["what", Column("value", format="d")]
     blocks: list[Block] = [Table(columns, rows, "How this run came about")]
     if made is not None and made != here:
         blocks.insert(

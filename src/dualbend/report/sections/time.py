@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dualbend.report.over_time import TIME, OverTime, Phase
 from dualbend.report.plot import COLOURS, Axis, Bar, Plot, Ranges
 from dualbend.report.section import Figure, Panels, Section
 from dualbend.run.record import RunRecord
-from dualbend.table import Column, Table
+from dualbend.table import Column, Table, quantity
 from dualbend.types import SIDES
 
-_WRENCH = (
+OnBothArms = tuple[Axis, float, tuple[tuple[str, str], ...], str]
+"""Axis, its units in one of the trace, names and endings of the columns, caption."""
+
+_WRENCH: tuple[OnBothArms, ...] = (
     (
         Axis("force", "N"),
         1.0,
@@ -27,42 +32,21 @@ _WRENCH = (
         "gripper towards a larger angle.",
     ),
 )
-_OUT_OF_PLANE = (
-    (
-        Axis("lateral force", "N"),
-        1.0,
-        (("across", "true_force_y"),),
-        "True force across the sheet on each gripper, along y of that arm's bending frame. "
-        "Shaded: every second phase.",
-    ),
-    (
-        Axis("moment out of the plane", "mN m"),
-        1e3,
-        (("about x (twist)", "true_moment_x"), ("about z (yaw)", "true_moment_z")),
-        "True moment on each gripper about x (inward: it twists the sheet) and z (up) of that "
-        "arm's bending frame, at the gripper's centre.",
-    ),
-)
 
 
 def wrench_section(over_time: OverTime) -> Section:
     """Return the forces and moments on both arms over time."""
-    figures = [
-        over_time.figure(axis, over_time.curves_by_side(columns, factor), caption)
-        for axis, factor, columns, caption in _WRENCH
-    ]
-    return Section("Wrench on both arms", [Panels(figures)])
+    return Section("Wrench on both arms", [panels_by_side(over_time, _WRENCH)])
 
 
-def misalignment_section(over_time: OverTime) -> Section | None:
-    """Return the wrench out of the bending plane; None where no grip is misaligned."""
-    if over_time.run.scenario.misalignment is None:
-        return None
-    figures = [
-        over_time.figure(axis, over_time.curves_by_side(columns, factor), caption)
-        for axis, factor, columns, caption in _OUT_OF_PLANE
-    ]
-    return Section("Misaligned grips", [Panels(figures)])
+def panels_by_side(over_time: OverTime, shown: Sequence[OnBothArms]) -> Panels:
+    """Return plots over time of both arms beside each other."""
+    return Panels(
+        [
+            over_time.figure(axis, over_time.curves_by_side(columns, factor), caption)
+            for axis, factor, columns, caption in shown
+        ]
+    )
 
 
 def deviation_section(over_time: OverTime) -> Section | None:
@@ -127,13 +111,13 @@ def _counts(phase: Phase) -> list[tuple[str, int]]:
 
 def _phase_table(run: RunRecord, found: list[Phase]) -> Table:
     peaks = [
-        ("peak_moment_nm", 1e3, Column("peak moment", "mN m", right=True)),
-        ("peak_force_n", 1.0, Column("peak force", "N", right=True)),
-        ("peak_pin_force_n", 1.0, Column("peak pin force", "N", right=True)),
+        ("peak_moment_nm", 1e3, quantity("peak moment", "mN m")),
+        ("peak_force_n", 1.0, quantity("peak force", "N")),
+        ("peak_pin_force_n", 1.0, quantity("peak pin force", "N")),
     ]
     saved = run.summary.tables.get("phases", [])
-    columns = [Column("phase"), Column("from", "s", right=True), Column("takes", "s", right=True)]
-    columns += [Column(name, right=True) for name, _ in _counts(found[0])]
+    columns: list[Column | str] = ["phase", quantity("from", "s"), quantity("takes", "s")]
+    columns += [quantity(name) for name, _ in _counts(found[0])]
     columns += [column for _, _, column in peaks] if saved else []
     rows = []
     for i, phase in enumerate(found):

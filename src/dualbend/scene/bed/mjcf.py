@@ -1,4 +1,4 @@
-"""Where sheets are stacked: assembly bed, alignment pins, pick-up stand, and the sheet's holes."""
+"""MuJoCo model of assembly bed, alignment pins and pick-up stand, and of the sheet's holes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _RING_DEPTH_M = 8e-3
 _BELOW_FLOOR_M, _LAID_DEPTH_M = -1.0, 5e-3
 
 _PLATE_M, _COLUMN = 0.02, 0.7
-"""Looks of bed and stand: a plate this thick, on a column of this share of its sides."""
+"""Bed and stand are drawn as a plate this thick, on a column of this share of its sides."""
 
 _PLATE_RGBA, _COLUMN_RGBA = [0.62, 0.64, 0.67, 1.0], [0.24, 0.26, 0.30, 1.0]
 _HOLE_RGBA, _HOLE_PROUD_M = [0.05, 0.06, 0.08, 1.0], 5e-5
@@ -62,7 +62,7 @@ def add_workplace(
     _add_bed_camera(spec, bed, sheet)
     for name, (along, across) in zip(HOLES, hole_places(layout.holes), strict=True):
         _add_pin(spec, name, layout.pins, np.array([along, across, bed.top_m]))
-        _watch(spec, name)
+        _add_force_sensors(spec, name)
     for number in range(laid):
         _add_laid(spec, number, sheet, strips, bed.friction)
 
@@ -98,8 +98,8 @@ def _add_bed_camera(spec: mujoco.MjSpec, bed: BedConfig, sheet: Sheet) -> None:
     )
 
 
-def _watch(spec: mujoco.MjSpec, name: str) -> None:
-    """Measure the force on a pin, and the largest force of one contact: what the edge bears."""
+def _add_force_sensors(spec: mujoco.MjSpec, name: str) -> None:
+    """Measure the force on a pin, and the largest one of a single contact, at the hole's edge."""
     for kind, reduce in (("net", 3), ("edge", 2)):
         sensor = spec.add_sensor(
             name=f"{kind}_{name}",
@@ -112,7 +112,7 @@ def _watch(spec: mujoco.MjSpec, name: str) -> None:
 
 
 def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -> None:
-    """Add one pin; what touches it is a capsule, or a cylinder with a truncated cone."""
+    """Add one pin: for contact a capsule, or a cylinder with a truncated cone."""
     body = spec.worldbody.add_body(name=f"pin_{name}", pos=foot_m)
     radius = pins.diameter_m / 2
     shape = {
@@ -159,8 +159,8 @@ def _add_laid(
 ) -> None:
     """Add a laid sheet, strip by strip, to be put where the simulated one came to rest.
 
-    A laid sheet does not move any more. What the next one touches is its upper face; the plates
-    reach into the bed, since a contact of half a millimetre could be stepped over.
+    A laid sheet stays fixed, and the next one touches its upper face. The plates reach into the
+    bed, since a time step could miss a contact half a millimetre thick.
     """
     h = sheet.length_m / strips.hinges
     for i in range(strips.hinges + 1):
@@ -189,7 +189,7 @@ def _add_laid(
 
 
 def add_holes(spec: mujoco.MjSpec, sheet: Sheet, strips: StripConfig, layout: LayoutConfig) -> None:
-    """Give the sheet its holes, and feet to lie on; its ends can be gripped."""
+    """Add the sheet's holes, and feet to lie on, and let its ends be gripped."""
     h = sheet.length_m / strips.hinges
     places = hole_places(layout.holes) + np.array(layout.holes.errors_m)
     for name, (along, across) in zip(HOLES, places, strict=True):
@@ -226,7 +226,7 @@ def _add_ring(
     radius = (layout.pins.diameter_m + layout.holes.clearance_m) / 2
     half_side = (radius + _RING_DEPTH_M) * math.tan(math.pi / _RING_SIDES)
     body.add_site(name=f"hole_{name}", pos=[*centre_m, 0.0], group=4, size=[radius, radius, radius])
-    # What is seen of the hole: a dark disc, hardly proud of the sheet's faces.
+    # The hole is drawn as a dark disc, hardly proud of the sheet's faces.
     body.add_geom(
         name=f"hole_{name}_disc",
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,

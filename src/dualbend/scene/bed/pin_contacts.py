@@ -1,4 +1,4 @@
-"""What happens between holes and pins: forces step by step, places of the holes."""
+"""Contact of holes and pins: largest forces of all physics steps, places of the holes."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class PinContacts:
         self._model = model
         self._squared = np.zeros(2 * len(HOLES))
 
-    def look(self) -> None:
-        """Keep the largest forces since the last :meth:`peaks`; once a physics step."""
+    def on_step(self) -> None:
+        """Keep the largest forces since the last :meth:`peaks`; once per physics step."""
         force = self._data.sensordata[self._read]
         np.maximum(self._squared, np.einsum("ij,ij->i", force, force), out=self._squared)
 
     def peaks(self) -> Vector:
-        """Return (2, 4) and begin anew: force on each pin, largest force of one contact [N]."""
+        """Return (2, 4) and start again: force on each pin, largest force of one contact [N]."""
         force = np.sqrt(self._squared).reshape(2, len(HOLES))
         self._squared[:] = 0.0
         return force
@@ -56,7 +56,7 @@ class PinContacts:
         return np.asarray(away)
 
     def lay(self, number: int) -> None:
-        """Leave a copy of the sheet that does not move where its strips are now."""
+        """Leave a fixed copy of the sheet where its strips are now."""
         data, model = self._data, self._model
         for i, strip in enumerate(self._strips):
             mocap = model.body_mocapid[model.body(laid_body(number, i)).id]

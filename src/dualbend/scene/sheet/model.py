@@ -1,4 +1,4 @@
-"""The sheet in a compiled cell, whichever its model: where it is put and how it is bent.
+"""The sheet in a compiled cell, strips or shell: placing it, and measuring how it is bent.
 
 Both models have N places of bending at arc lengths (i + 1/2) L/N and N + 1 flat pieces between
 them, the middle one at the sheet's middle; so one set of slopes places either.
@@ -35,7 +35,7 @@ from dualbend.types import Vector
 
 
 class SheetModel(Protocol):
-    """What the simulation needs of a sheet.
+    """Interface of a sheet's model for the simulation.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class StripModel:
 
 
 class ShellModel:
-    """The plate's grid of vertices; sets its bending in the compiled model."""
+    """The plate's grid of vertices; writes its elasticity into the compiled model."""
 
     def __init__(self, model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
         self._model, self._sheet, self._config = model, sheet, config
@@ -123,7 +123,7 @@ class ShellModel:
         )
 
     def place(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
-        """Put the free vertices on the cylinder of these slopes; the grips have the others."""
+        """Put the free vertices and both edges on the cylindrical surface of these slopes."""
         h = self._spacing
         steps = h * np.stack((np.cos(slopes), -np.sin(slopes)), axis=1)
         line = np.concatenate((np.zeros((1, 2)), np.cumsum(steps, axis=0)))

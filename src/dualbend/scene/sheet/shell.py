@@ -33,7 +33,7 @@ import numpy as np
 
 from dualbend.beam.sheet import Sheet
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, damping_time
-from dualbend.types import Vector
+from dualbend.types import Tagged, Vector
 
 MEMBRANE, BENDING = "sheet_membrane", "sheet_bending"
 """Names of the two flexes."""
@@ -50,8 +50,8 @@ _EDGE_MASS_KG, _EDGE_INERTIA_KG_M2 = 0.1, 1e-4
 against the membrane's stiffness, are more than the solver's preconditioner bears."""
 
 
-class ShellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How finely the plate is divided and how it is damped."""
+class ShellConfig(Tagged, frozen=True, kw_only=True, tag="shell"):
+    """A plate, at many times the cost: how finely it is divided and how it is damped."""
 
     cells_along: Annotated[
         int, msgspec.Meta(ge=8, le=100, description="between the grips, even")
@@ -65,6 +65,11 @@ class ShellConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         """Refuse an odd number of cells along: the middle of the sheet is that of a cell."""
         if self.cells_along % 2:
             raise ValueError(f"cells_along must be even, got {self.cells_along}")
+
+    @property
+    def sections(self) -> int:
+        """Number of places along the sheet at which it bends."""
+        return self.cells_along
 
 
 Vertex = tuple[int, int]

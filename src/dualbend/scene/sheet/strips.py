@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from dualbend.beam.plastic import HingeSprings
 from dualbend.beam.sheet import Sheet
+from dualbend.types import Tagged
 
 CLAMPED_FIRST_ROOT = 4.730040744862704
 """First root of cosh(b) cos(b) = 1: the clamped-clamped beam's first mode."""
@@ -34,8 +35,8 @@ LEFT_END, RIGHT_END = "sheet_left_end", "sheet_right_end"
 """Sites at the clamp lines; x points into the sheet, y along the bending axis of that end's arm."""
 
 
-class StripConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How finely the sheet is divided and how it is damped."""
+class StripConfig(Tagged, frozen=True, kw_only=True, tag="strips"):
+    """A chain of strips, as stiff as rigidity says: how finely it is divided, how it is damped."""
 
     hinges: Annotated[int, msgspec.Meta(ge=4, le=200, description="bending hinges, even")] = 20
     damping_ratio: Annotated[
@@ -54,6 +55,11 @@ class StripConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
             raise ValueError(
                 f"hinges must be even (the chain hangs from its middle strip), got {self.hinges}"
             )
+
+    @property
+    def sections(self) -> int:
+        """Number of places along the sheet at which it bends."""
+        return self.hinges
 
 
 def damping_time(sheet: Sheet, damping_ratio: float) -> float:

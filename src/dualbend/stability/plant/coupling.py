@@ -22,8 +22,8 @@ def scenario_coupling(scenario: Scenario, alpha_rad: float) -> Coupling:
     # A vertical force that is known is not read: its lever arm's moment is missing.
     known = scenario.sensor.lever_arm_m if reference and reference.known_weight else 0.0
     return Coupling.between(
-        scenario.arms.sensing,
-        scenario.arms.complying,
-        deviation_angle(scenario.alter.mode, alpha_rad, scenario.path.start_rad),
+        scenario.compliance.sensing,
+        scenario.compliance.complying,
+        deviation_angle(scenario.robot.alter.mode, alpha_rad, scenario.path.start_rad),
         np.array([[1.0, 0.0, 0.0], [-error * s, -(error + known) * c, 1.0]]),
     )

@@ -19,7 +19,6 @@ from dualbend.errors import InputError
 from dualbend.mechanics.compliance import series_stiffness
 from dualbend.mechanics.coupling import Coupling, ModeName
 from dualbend.run.known_sheet import make_admittance, zero_moment
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.plant.arm import CompliantArm, Joints
 from dualbend.stability.plant.coupling import scenario_coupling
@@ -63,7 +62,7 @@ def environments(
     Raises InputError where the sheet's state is not found or a pose is out of the arms' reach.
     """
     sheet = scenario.sheet.sheet()
-    path = make_path(scenario.path, sheet.length_m)
+    path = scenario.path.make(sheet.length_m)
 
     def nominal(alpha: float) -> Vector:
         half_distance, rise = path.at(alpha)

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import math
-import multiprocessing
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
+from dualbend.study.engine import Study
+from dualbend.study.folder import StudyFolder
 from dualbend.study.onset.held import Oscillation, SingleAxis, held, oscillate
 from dualbend.study.onset.prediction import RayLoop
-from dualbend.study.onset.results import Case, Confrontation, Rate, Simulated, keep, kept
+from dualbend.study.onset.results import Case, OnsetStudy, Rate, Simulated
+from dualbend.study.processes import in_processes
 
 RAYS_PER_S: tuple[float, ...] = (5.0, 20.0, 80.0, 1600.0)
 """k/b of the default rays [1/s]: the filter's pole is 0.87, 0.57, 0.11 and 0."""
@@ -54,7 +54,7 @@ class _Task:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def confront(
+def onset_study(
     scenario: Scenario,
     *,
     rays: Sequence[float] = RAYS_PER_S,
@@ -63,34 +63,38 @@ def confront(
     frictionless: bool = True,
     workers: int | None = None,
     folder: Path | None = None,
-    progress: Callable[[int, int, Case], None] | None = None,
-) -> Confrontation:
+    on_run: Callable[[int, int, Case | None], None] = lambda *_: None,
+) -> OnsetStudy:
     """Bisect the simulated onset on every ray k/b [1/s], at every angle [rad], for every axis.
 
     ``frictionless`` also without the joints' dry friction; ``workers`` processes at most, by
     default as many as there are cores. With a ``folder`` every case is kept there as soon as it is
-    found, and what is there already of the same scenario is not done again. ``progress`` is called
-    with how many are done, of how many, and the case.
+    found, and what is there already of the same scenario is not done again. ``on_run`` as
+    :meth:`dualbend.study.engine.Study.run` has it.
 
-    Raises InputError where there is nothing to confront, a ray or angle is no positive number, the
+    Raises InputError where there is nothing to study, a ray or angle is no positive number, the
     scenario has no such axis, an onset is not found, or the folder cannot be written.
     """
     if scenario.compliance.modelled:
         raise InputError(
-            f"--confront: scenario {scenario.name!r} has compliance beyond the paper (schedule, "
+            f"--validate: scenario {scenario.name!r} has compliance beyond the paper (schedule, "
             "reference, fusion or predictor): rays in (b, k) say nothing of it"
         )
+    if workers is not None and workers < 1:
+        raise InputError(f"workers = {workers}: must be at least 1")
     tasks = _tasks(scenario, rays, angles, axes, frictionless=frictionless)
-    known = kept(folder)
-    cases = {task.key: known[task.key] for task in tasks if task.key in known}
-    missing = [task for task in tasks if task.key not in cases]
-    for case in _worked(missing, workers if workers is not None else os.cpu_count() or 1):
-        cases[case.key] = case
-        if folder is not None:
-            keep(folder, {**known, **cases})
-        if progress is not None:
-            progress(len(cases), len(tasks), case)
-    return Confrontation(scenario=scenario.name, cases=tuple(cases[task.key] for task in tasks))
+    study = Study(
+        design=list(tasks),
+        task=lambda key: (tasks[key],),
+        run_one=work,
+        key=lambda case: case.key,
+        summarise=lambda cases: OnsetStudy(scenario=scenario.name, cases=tuple(cases)),
+    )
+    # Cases of several scenarios and rays may be in one folder: their keys tell them apart.
+    kept = None
+    if folder is not None:
+        kept = StudyFolder(folder=folder, row=Case, study={"kind": "onset"}, row_name="case")
+    return study.run(in_processes(workers), kept, on_run)
 
 
 def _tasks(
@@ -100,16 +104,16 @@ def _tasks(
     axes: Sequence[SingleAxis],
     *,
     frictionless: bool,
-) -> list[_Task]:
+) -> dict[str, _Task]:
     for name, values in (("rays", rays), ("angles", angles), ("axes", axes)):
         if not values:
-            raise InputError(f"{name}: none given, nothing to confront")
+            raise InputError(f"{name}: none given, nothing to study")
     for name, numbers in (("rays", rays), ("angles", angles)):
         for value in numbers:
             if not 0.0 < value < math.inf:
                 raise InputError(f"{name}: {value!r} must be positive and finite")
-    if not scenario.arms.complying:
-        raise InputError("arms.complying = []: no compliance, nothing to confront")
+    if not scenario.compliance.complying:
+        raise InputError("compliance.complying = []: no compliance, nothing to study")
     tasks = [
         _Task(
             scenario=scenario,
@@ -123,25 +127,7 @@ def _tasks(
         for ray in rays
     ]
     # Refuses here, and not in a process, an axis that is off and an angle without room.
-    return list({task.key: task for task in tasks}.values())
-
-
-def _worked(tasks: Sequence[_Task], workers: int) -> Iterator[Case]:
-    """Yield the cases as they are found."""
-    if workers < 1:
-        raise InputError(f"workers = {workers}: must be at least 1")
-    if workers == 1 or len(tasks) < 2:
-        yield from map(work, tasks)
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=context) as pool:
-        futures = [pool.submit(work, task) for task in tasks]
-        try:
-            for future in as_completed(futures):
-                yield future.result()
-        finally:
-            for future in futures:
-                future.cancel()
+    return {task.key: task for task in tasks}
 
 
 def work(task: _Task) -> Case:
@@ -186,7 +172,7 @@ def _bisected(ray: RayLoop, axis: SingleAxis, guess: float, *, friction: bool) -
         Rate(
             b=part * onset,
             predicted_per_s=ray.mode(part * onset).growth_per_s,
-            simulated_per_s=found.growth_per_s if math.isfinite(found.growth_per_s) else None,
+            simulated_per_s=_finite(found.growth_per_s),
         )
         for part, found in zip(RATES_AT, after, strict=True)
     )
@@ -194,11 +180,15 @@ def _bisected(ray: RayLoop, axis: SingleAxis, guess: float, *, friction: bool) -
         b=onset,
         unstable_b=low,
         stable_b=high,
-        frequency_hz=seen[low].frequency_hz,
-        remains=after[-1].final,
+        frequency_hz=_finite(seen[low].frequency_hz),
+        residual=_finite(after[-1].final),
         rates=rates,
         runs=len(seen) + len(after),
     )
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def bracketed(
@@ -208,24 +198,18 @@ def bracketed(
 
     Raises InputError where no change is found within a factor of eight.
     """
-    low = high = guess
-    step = _BRACKET
-    if grows(guess):
-        for _ in range(_WIDENINGS):
-            high = low * step
-            if not grows(high):
-                break
-            low = high
-        else:
-            raise InputError(f"no onset between b = {guess:.3g} and {high:.3g}: all oscillate")
+    oscillates = grows(guess)
+    last = guess
+    for _ in range(_WIDENINGS):
+        beyond = last * _BRACKET if oscillates else last / _BRACKET
+        if grows(beyond) != oscillates:
+            break
+        last = beyond
     else:
-        for _ in range(_WIDENINGS):
-            low = high / step
-            if grows(low):
-                break
-            high = low
-        else:
-            raise InputError(f"no onset between b = {low:.3g} and {guess:.3g}: none oscillates")
+        low, high = sorted((guess, beyond))
+        found = "all oscillate" if oscillates else "none oscillates"
+        raise InputError(f"no onset between b = {low:.3g} and {high:.3g}: {found}")
+    low, high = sorted((last, beyond))
     while high > low * (1.0 + tolerance):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if grows(middle) else (low, middle)

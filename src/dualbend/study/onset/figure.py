@@ -1,4 +1,4 @@
-"""The map of a confrontation: simulated onsets on the boundaries of the three analyses."""
+"""The map of an onset study: simulated onsets on the boundaries of the three analyses."""
 
 from __future__ import annotations
 
@@ -7,9 +7,6 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-
-mpl.use("Agg")
-
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -17,14 +14,15 @@ from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.map import gain_units
 from dualbend.study.onset.prediction import RayLoop
-from dualbend.study.onset.results import Case, Confrontation
+from dualbend.study.onset.results import Case, OnsetStudy
+from dualbend.study.picture import save
 
 _RAYS_PER_DECADE = 6
 _SHOWN_BELOW, _SHOWN_ABOVE = 8.0, 4.0
 _STYLES = (("sampled", "solid"), ("delayed", "dotted"), ("paper", "dashed"))
 
 
-def plot_confrontation(scenario: Scenario, found: Confrontation, path: Path) -> None:
+def plot_onsets(scenario: Scenario, found: OnsetStudy, path: Path) -> None:
     """Write the (b, k) plane of each axis as PNG; stable is to the right of a line.
 
     Raises InputError where there is nothing to draw or the file cannot be written.
@@ -54,10 +52,7 @@ def plot_confrontation(scenario: Scenario, found: Confrontation, path: Path) -> 
         panel.set_ylabel(f"stiffness k [{units[1]}]")
         panel.legend(fontsize="small")
     figure.suptitle(f"{found.scenario}: onset of the oscillation, predicted and simulated")
-    try:
-        figure.savefig(path, dpi=120)
-    except (OSError, ValueError) as error:
-        raise InputError(f"--out {path}: cannot be written: {error}") from error
+    save(figure, path)
 
 
 def _draw(

@@ -16,11 +16,11 @@ import mujoco
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import AdmittanceConfig, AxisConfig
+from dualbend.control.compliance.admittance import AxisConfig
 from dualbend.control.servo import JointServo
 from dualbend.errors import InputError
 from dualbend.scenario.motion import MotionConfig
-from dualbend.scenario.path import PathConfig
+from dualbend.scenario.path import ExactPathConfig
 from dualbend.scenario.scenario import Scenario
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Vector
@@ -79,19 +79,19 @@ def held(
         raise InputError(f"angle {alpha_rad!r}: must be above {2.0 * step} rad")
     given = scenario.compliance.x if axis == "x" else scenario.compliance.rotation
     if given is None:
-        raise InputError(f"compliance.{axis} is off: nothing to confront")
+        raise InputError(f"compliance.{axis} is off: nothing to study")
     moved: AxisConfig = msgspec.structs.replace(
         given, b=b, k=k, from_alpha_rad=alpha_rad - step / 2.0
     )
-    compliance: AdmittanceConfig = msgspec.structs.replace(
+    compliance = msgspec.structs.replace(
         scenario.compliance,
         x=moved if axis == "x" else None,
         rotation=moved if axis == "rotation" else None,
         tare=True,
     )
     try:
-        path = PathConfig(kind="exact", start_rad=alpha_rad - step, end_rad=alpha_rad)
-    except ValueError as error:
+        path = ExactPathConfig(start_rad=alpha_rad - step, end_rad=alpha_rad)
+    except InputError as error:
         raise InputError(f"angle {alpha_rad!r}: {error}") from error
     return msgspec.structs.replace(
         scenario,
@@ -118,16 +118,16 @@ def oscillate(scenario: Scenario, axis: SingleAxis, *, friction: bool = True) ->
         without_friction(ready)
     trace = ready.run().trace
     name = "x" if axis == "x" else "alpha"
-    side = next(side for side in SIDES if side in scenario.arms.complying)
+    side = next(side for side in SIDES if side in scenario.compliance.complying)
     limit = scenario.compliance.limit_x_m if axis == "x" else scenario.compliance.limit_rotation_rad
     first = math.ceil((SETTLE_S + _TRANSIENT_S) / COMMAND_PERIOD_S)
     cycles = ready.motion.cycles
     deviation = trace[f"{side}_deviation_{name}"][first:]
-    return judge(deviation[np.isfinite(deviation)], cycles - first, limit)
+    return evaluate(deviation[np.isfinite(deviation)], cycles - first, limit)
 
 
-def judge(deviation: Vector, planned: int, limit: float) -> Oscillation:
-    """Judge a deviation (n,) [m] or [rad], sampled every 28 ms, of ``planned`` samples at most."""
+def evaluate(deviation: Vector, planned: int, limit: float) -> Oscillation:
+    """Evaluate a deviation (n,) [m] or [rad], a sample every 28 ms, ``planned`` of them at most."""
     window = round(WINDOW_S / COMMAND_PERIOD_S)
     if deviation.size < planned or deviation.size < 4 * window:
         return Oscillation(grows=True, growth_per_s=math.inf, frequency_hz=math.nan, final=math.inf)
@@ -174,5 +174,5 @@ def without_friction(ready: BendingRun) -> None:
         inertia=servo.setpoint(nothing, nothing, nothing + 1.0) * servo.stiffness,
         viscous_friction=robots.dof_damping.copy().ravel(),
         coulomb_friction=nothing,
-        damping_ratio=ready.scenario.servo.damping_ratio,
+        damping_ratio=ready.scenario.robot.servo.damping_ratio,
     )

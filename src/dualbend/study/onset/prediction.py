@@ -1,4 +1,4 @@
-"""What the three analyses say of a ray in (b, k): at which b the held loop begins to oscillate.
+"""The onset of the oscillation on a ray in (b, k), predicted by the three analyses.
 
 On a ray k/b is constant, and with it the filter's pole; b is then nothing but the inverse of the
 loop's gain, so that a gain margin m at b puts the onset at b/m, exactly, in all three.
@@ -39,8 +39,8 @@ class RayPrediction:
 class RayLoop:
     """One axis held at one bending angle, for gains on a ray k = ``ratio_per_s`` b.
 
-    Of two arms that each follow their own sensor it is the loop in which they move alike: the
-    disturbance is the same for both.
+    Of two arms that each follow their own sensor it is the symmetric loop: the disturbance is the
+    same for both.
 
     Raises InputError as :func:`dualbend.study.onset.held.held` and the prediction do.
     """
@@ -83,13 +83,13 @@ class RayLoop:
         elements = self._with(b)
         loops = self._loops(b)
         margin = {
-            way: margins(FREQUENCIES_HZ, loop.open_loop(Z_INVERSE)[:, :, 0], stable=True).gain
-            for way, loop in loops.items()
+            name: margins(FREQUENCIES_HZ, loop.open_loop(Z_INVERSE)[:, :, 0], stable=True).gain
+            for name, loop in loops.items()
         }
-        way = min(margin, key=lambda name: margin[name])
-        sampled = b / margin[way]
+        name = min(margin, key=lambda name: margin[name])
+        sampled = b / margin[name]
         frequency = self.mode(sampled).frequency_hz
-        stiffness = _felt(at, way, self._axis)
+        stiffness = _stiffness(at, name, self._axis)
         delayed = delayed_loop(elements, self._axis, stiffness, max(frequency, 0.1)).margins().gain
         damping, spring = elements.damping_and_stiffness(self._axis)
         response = elements.response.config
@@ -117,5 +117,5 @@ class RayLoop:
         }
 
 
-def _felt(at: Environment, way: ModeName, axis: SingleAxis) -> float:
-    return float(at.loops[way][(0, 0) if axis == "x" else (1, 1)])
+def _stiffness(at: Environment, name: ModeName, axis: SingleAxis) -> float:
+    return float(at.loops[name][(0, 0) if axis == "x" else (1, 1)])

@@ -1,16 +1,16 @@
-"""A confrontation in words and numbers: the table, the errors and what stays at rest."""
+"""An onset study in words and numbers: the table, the errors, the residual oscillation."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from dualbend.errors import InputError
-from dualbend.study.onset.filters import FilterCase
-from dualbend.study.onset.results import Case, Confrontation
-from dualbend.table import Column, Table, shown
+from dualbend.study.onset.results import Case, OnsetStudy
+from dualbend.table import Table, shown
 
 _ANALYSES = ("sampled", "delayed", "paper")
 _NAMES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}
@@ -23,27 +23,28 @@ def describe_case(case: Case) -> str:
         f"b = {case.simulated.b:.4g} simulated, {case.sampled_b:.4g} sampled "
         f"({100 * case.error('sampled'):+.1f} %), {case.delayed_b:.3g} delayed, "
         f"{case.paper_b:.3g} paper; "
-        f"{case.simulated.frequency_hz:.2f} and {case.same_gains_hz:.2f} Hz"
+        f"{shown(case.simulated.frequency_hz, '.2f')} and {case.same_gains_hz:.2f} Hz"
     )
 
 
-def report(found: Confrontation) -> str:
+def report(found: OnsetStudy) -> str:
     """Return the whole result as Markdown."""
     head = f"# {found.scenario}: prediction against simulation"
     lines = [f"* {line}" for line in summary(found).splitlines()]
     return "\n".join([head, "", _table(found).markdown(), "", *lines, ""])
 
 
-def write_report(found: Confrontation, folder: Path) -> None:
-    """Write the report beside the cases; InputError where that fails."""
+def write_report(found: OnsetStudy, folder: Path) -> None:
+    """Write ``onset.md`` and ``onset.json``; InputError where that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "confrontation.md").write_text(report(found), encoding="utf-8")
+        (folder / "onset.md").write_text(report(found), encoding="utf-8")
+        (folder / "onset.json").write_bytes(msgspec.json.format(msgspec.json.encode(found)))
     except OSError as error:
         raise InputError(f"--out {folder}: cannot be written: {error.strerror}") from error
 
 
-def summary(found: Confrontation) -> str:
+def summary(found: OnsetStudy) -> str:
     """Return the errors over all cases and by axis, one line each."""
     lines = []
     for axis in dict.fromkeys(case.axis for case in found.cases):
@@ -68,7 +69,7 @@ def summary(found: Confrontation) -> str:
     if gaps:
         size = np.abs(gaps)
         lines.append(
-            f"growth rate, {len(gaps)} of {sum(len(c.simulated.rates) for c in found.cases)} told: "
+            f"growth rate, {len(gaps)} of {sum(len(c.simulated.rates) for c in found.cases)}: "
             f"off by {np.median(size):.2f} /s in the median, {size.max():.2f} /s at most"
         )
     return "\n".join(lines)
@@ -82,13 +83,13 @@ def _spread(errors: Sequence[float]) -> str:
     )
 
 
-def _table(found: Confrontation) -> Table:
+def _table(found: OnsetStudy) -> Table:
     headings = (
         *("axis", "rad", "k/b [1/s]", "b simulated", "sampled", "delayed", "paper"),
         *("without friction", "Hz simulated / sampled"),
-        *("growth at 0.9 b, 1.1 b [1/s]: simulated / sampled", "remains"),
+        *("growth at 0.9 b, 1.1 b [1/s]: simulated / sampled", "residual"),
     )
-    return Table([Column(name) for name in headings], [_cells(case) for case in found.cases])
+    return Table(headings, [_cells(case) for case in found.cases])
 
 
 def _cells(case: Case) -> tuple[object, ...]:
@@ -97,26 +98,14 @@ def _cells(case: Case) -> tuple[object, ...]:
         for rate in case.simulated.rates
     )
     scale, unit = (1e6, "µm") if case.axis == "x" else (1e3, "mrad")
+    residual = case.simulated.residual
     return (
         *(case.axis, f"{case.alpha_rad:g}", f"{case.ratio_per_s:g}", case.simulated.b),
         f"{case.sampled_b:.4g} ({100 * case.error('sampled'):+.1f} %)",
         f"{case.delayed_b:.3g} ({100 * case.error('delayed'):+.0f} %)",
         f"{case.paper_b:.2g} ({100 * case.error('paper'):+.0f} %)",
         case.frictionless.b if case.frictionless else None,
-        f"{case.simulated.frequency_hz:.2f} / {case.same_gains_hz:.2f}",
+        f"{shown(case.simulated.frequency_hz, '.2f')} / {case.same_gains_hz:.2f}",
         growth,
-        f"{scale * case.simulated.remains:.2g} {unit}",
+        None if residual is None else f"{scale * residual:.2g} {unit}",
     )
-
-
-def describe_filters(cases: Sequence[FilterCase]) -> str:
-    """Return a table of filters: gain that is borne, and what is lost against no filter."""
-    headings = ("filter", "b predicted", "b simulated", "gain lost, predicted", "simulated")
-    rows = [
-        (
-            *(case.name, case.predicted_b, case.simulated_b),
-            *(f"{100 * loss:.1f} %" for loss in (case.predicted_loss, case.simulated_loss)),
-        )
-        for case in cases
-    ]
-    return Table([Column(name) for name in headings], rows).markdown()

@@ -1,17 +1,12 @@
-"""What a confrontation found, and how it is kept while it is at work."""
+"""What an onset study found: predicted and simulated onset of the oscillation, case by case."""
 
 from __future__ import annotations
 
-from contextlib import suppress
-from pathlib import Path
+import math
 
 import msgspec
 
-from dualbend.errors import InputError
 from dualbend.study.onset.held import SingleAxis
-
-RESULTS = "confrontation.json"
-"""The file that holds the cases; one that is not ours is written anew."""
 
 
 class Rate(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,15 +20,15 @@ class Rate(msgspec.Struct, frozen=True, kw_only=True):
 class Simulated(msgspec.Struct, frozen=True, kw_only=True):
     """What the bisection found: b, the unstable and the stable end of its interval, and more.
 
-    ``frequency_hz`` at the unstable end; ``remains``: rms of the deviation [m] or [rad] that stays
-    at 1.1 times the onset, where a linear loop would rest.
+    ``frequency_hz`` at the unstable end; ``residual``: rms of the deviation [m] or [rad] that stays
+    at 1.1 times the onset, where a linear loop would rest. Null where a run ended too early.
     """
 
     b: float
     unstable_b: float
     stable_b: float
-    frequency_hz: float
-    remains: float
+    frequency_hz: float | None
+    residual: float | None
     rates: tuple[Rate, ...]
     runs: int
 
@@ -67,32 +62,12 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def frequency_error(self) -> float:
         """Return predicted over simulated frequency with the same gains, less 1."""
-        return self.same_gains_hz / self.simulated.frequency_hz - 1.0
+        simulated_hz = self.simulated.frequency_hz
+        return math.nan if simulated_hz is None else self.same_gains_hz / simulated_hz - 1.0
 
 
-class Confrontation(msgspec.Struct, frozen=True, kw_only=True):
+class OnsetStudy(msgspec.Struct, frozen=True, kw_only=True):
     """All cases of one scenario, in the order that was asked for."""
 
     scenario: str
     cases: tuple[Case, ...]
-
-
-def kept(folder: Path | None) -> dict[str, Case]:
-    """Return what an earlier call left in a folder, by key."""
-    if folder is None:
-        return {}
-    with suppress(OSError, msgspec.MsgspecError):
-        cases = msgspec.json.decode((folder / RESULTS).read_bytes(), type=list[Case])
-        return {case.key: case for case in cases}
-    return {}
-
-
-def keep(folder: Path, cases: dict[str, Case]) -> None:
-    """Write all cases; InputError where the folder cannot be written."""
-    partial = folder / f"{RESULTS}.partial"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(msgspec.json.format(msgspec.json.encode(list(cases.values()))))
-        partial.replace(folder / RESULTS)
-    except OSError as error:
-        raise InputError(f"--out {folder}: cannot be written: {error.strerror}") from error

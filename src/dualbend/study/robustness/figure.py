@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-from numpy.typing import NDArray
-
-mpl.use("Agg")
-
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
+from dualbend.study.picture import save
 from dualbend.study.robustness.summary import CONFIDENCE, success_interval
-from dualbend.study.robustness.trial import Trial, assembly_of
+from dualbend.study.robustness.trial import Trial
+from dualbend.task.assembly.draws import play
 
 _BIN_HOLDS, _MOST_BINS = 8, 10
 _LOOKS = {True: ("tab:blue", "o", -1.0), False: ("tab:orange", "s", 1.0)}
@@ -43,11 +40,11 @@ def plot_success(trials: Sequence[Trial], scenario: Scenario, path: Path) -> Non
     for case in sorted({t.compliance for t in trials}, reverse=True):
         _plot_case(axes, edges, [t for t in trials if t.compliance == case], case)
     axes.vlines(edges, 0.0, 1.0, color="0.9", linewidth=0.8, zorder=0)
-    play = 0.5e3 * assembly_of(scenario).layout.holes.clearance_m
-    axes.axvline(play, color="0.4", linestyle="dashed", linewidth=1.0, zorder=0)
+    half_clearance = 1e3 * play(scenario)
+    axes.axvline(half_clearance, color="0.4", linestyle="dashed", linewidth=1.0, zorder=0)
     axes.annotate(
         "half the clearance",
-        xy=(play, 0.5),
+        xy=(half_clearance, 0.5),
         xytext=(-4, 0),
         textcoords="offset points",
         color="0.4",
@@ -70,10 +67,7 @@ def plot_success(trials: Sequence[Trial], scenario: Scenario, path: Path) -> Non
         fontsize="medium",
     )
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
-    try:
-        figure.savefig(path, dpi=120)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error}") from error
+    save(figure, path)
 
 
 def _plot_case(axes: Axes, edges: NDArray[np.float64], trials: Sequence[Trial], case: bool) -> None:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from scipy.stats import binomtest
 
 from dualbend.evaluation.metrics import versions
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.robustness.run import SCENARIO
-from dualbend.study.robustness.trial import Trial, assembly_of
-from dualbend.table import Column, Table
+from dualbend.study.robustness.trial import Trial, settings, stated
+from dualbend.table import Columns, Table, quantity
 
 CONFIDENCE = 0.95
 NAMES = {True: "with", False: "without"}
@@ -48,7 +46,6 @@ def summarise(
     run that fails stops early, so that its peak is of what came before, and one that fails by the
     force on a pin is stopped a little above the limit.
     """
-    config = assembly_of(scenario)
     by_case = {
         name: [t for t in trials if t.compliance == case]
         for case, name in NAMES.items()
@@ -59,8 +56,7 @@ def summarise(
         "seed": seed,
         "draws": len({t.index for t in trials}),
         "confidence": CONFIDENCE,
-        "spread": msgspec.to_builtins(config.spread),
-        "pin_force_limit_n": config.limits.pin_force_n,
+        **stated(scenario),
         "versions": versions(),
         "compliance": {name: _case(of, folder) for name, of in by_case.items()},
         "pairs": _pairs(trials) if len(by_case) > 1 else None,
@@ -126,15 +122,8 @@ def _pairs(trials: Sequence[Trial]) -> dict[str, Any]:
 
 def command(trial: Trial, folder: Path) -> str:
     """Return the command that makes a trial's run again."""
-    settings = {
-        f"assembly.errors.{name}": repr(value)
-        for name, value in msgspec.to_builtins(trial.errors).items()
-    }
-    settings["assembly.layout.holes.errors_m"] = json.dumps(trial.hole_errors_m)
-    if not trial.compliance:
-        settings["assembly.compliance"] = "none"
     words = ["dualbend", "run", (folder / SCENARIO).as_posix(), "--seed", str(trial.seed)]
-    for key, value in settings.items():
+    for key, value in settings(trial).items():
         words += ["--set", f"{key}={value}"]
     return shlex.join(words)
 
@@ -164,11 +153,10 @@ def table(summary: dict[str, Any]) -> list[str]:
 
 
 def _rates(summary: dict[str, Any]) -> Table:
-    columns = (
-        *(Column("compliance"), Column("success", right=True), Column("rate", right=True)),
-        Column(f"{100 * summary['confidence']:g} % interval", right=True),
-        Column("peak pin force: median", "N", ".1f", right=True),
-        *(Column("95th", "N", ".1f", right=True), Column("max", "N", ".1f", right=True)),
+    columns: Columns = (
+        *("compliance", quantity("success"), quantity("rate")),
+        quantity(f"{100 * summary['confidence']:g} % interval"),
+        *(quantity(name, "N", ".1f") for name in ("peak pin force: median", "95th", "max")),
     )
     rows = []
     for name, case in summary["compliance"].items():

@@ -1,25 +1,27 @@
-"""One trial of a Monte Carlo study: what a sheet is drawn to be, and what became of its assembly.
+"""One trial of a Monte Carlo study: a drawn assembly's run, and how it ended.
 
-The robots believe in the scenario's sheet, holes and stand; only the truth is drawn. Every draw is
-run with the compliance that the scenario gives and without any.
+Every draw is run with the compliance that the scenario gives and without any. All that the study
+knows of assemblies is here and in :mod:`dualbend.task.assembly.draws`.
 """
 
 from __future__ import annotations
 
-import math
+import json
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from dualbend.errors import DualbendError, InputError
 from dualbend.evaluation.metrics import surface_strain
 from dualbend.run.loop import Run
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord, task_of
 from dualbend.run.trace import Trace
-from dualbend.scenario.assembly import AssemblyConfig, ErrorsConfig
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.bed.config import HOLES, hole_places
+from dualbend.scene.bed.config import HOLES
+from dualbend.study.ending import outcome_of, result_of
+from dualbend.task.assembly.config import ErrorsConfig, assembly_of
+from dualbend.task.assembly.draws import draw, misalignment, without_compliance
 from dualbend.task.assembly.metrics import pin_table, seated
 
 CAUSES = (
@@ -42,7 +44,7 @@ CAUSES = (
 )
 """What the reason of a run that ended early says, and the class that it belongs to; first match."""
 
-NOT_SEATED, REFUSED, RAISED, OTHER = "holes not seated", "refused", "error", "other"
+NOT_SEATED, OTHER = "holes not seated", "other"
 BEFORE, AFTER = "before the run", "after the run"
 
 
@@ -51,7 +53,8 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
 
     ``seed`` of the sensors' noise, the same with and without compliance. ``success``: all holes of
     all sheets are seated. ``phase`` and ``cause`` of a failure, else empty. ``misalignment_m`` as
-    :func:`misalignment` has it. None where the run was refused or raised.
+    ``misalignment`` of :mod:`dualbend.task.assembly.draws` has it. None where the run was refused
+    or raised.
     """
 
     index: int
@@ -71,67 +74,28 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     hole_errors_m: tuple[tuple[float, float], ...]
 
 
-def draw(scenario: Scenario, seed: int, index: int) -> Scenario:
-    """Return the scenario with the errors of draw ``index``, added to those that it has.
+def cases(scenario: Scenario) -> tuple[bool, ...]:
+    """Return the cases of each draw: with compliance, if the scenario has one, and without."""
+    return (False,) if assembly_of(scenario).compliance is None else (True, False)
 
-    Of SeedSequence(seed)'s child ``index``: it depends on no other draw. Lengths and angles are
-    normal with the standard deviations of ``assembly.spread``. Relative ones multiply by
-    exp(σ z − σ²/2), σ² = ln(1 + s²): log-normal, of mean 1 and standard deviation s, above zero.
-    The seed of the sensors' noise is drawn as well. InputError without an assembly.
-    """
+
+def stated(scenario: Scenario) -> dict[str, Any]:
+    """Return what a summary repeats of the scenario: spread of the errors, limit of the force."""
     config = assembly_of(scenario)
-    spread, errors, holes = config.spread, config.errors, config.layout.holes
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
-    # All of them, always: a width that is changed leaves the other draws as they are.
-    x, y, yaw, thickness, modulus, friction = rng.standard_normal(6).tolist()
-    off = spread.hole_m * rng.standard_normal((len(HOLES), 2)) + np.array(holes.errors_m)
-    drawn = ErrorsConfig(
-        pickup_x_m=errors.pickup_x_m + spread.pickup_x_m * x,
-        pickup_y_m=errors.pickup_y_m + spread.pickup_y_m * y,
-        pickup_yaw_rad=errors.pickup_yaw_rad + spread.pickup_yaw_rad * yaw,
-        thickness_factor=errors.thickness_factor * _factor(spread.thickness, thickness),
-        modulus_factor=errors.modulus_factor * _factor(spread.modulus, modulus),
-        friction_factor=errors.friction_factor * _factor(spread.friction, friction),
-    )
-    places = tuple((float(along), float(across)) for along, across in off)
-    replace = msgspec.structs.replace
-    layout = replace(config.layout, holes=replace(holes, errors_m=places))
-    assembly = replace(config, errors=drawn, layout=layout)
-    return replace(scenario, assembly=assembly, seed=int(rng.integers(2**31)))
+    return {
+        "spread": msgspec.to_builtins(config.spread),
+        "pin_force_limit_n": config.limits.pin_force_n,
+    }
 
 
-def _factor(relative: float, z: float) -> float:
-    variance = math.log1p(relative**2)
-    return math.exp(math.sqrt(variance) * z - 0.5 * variance)
-
-
-def without_compliance(scenario: Scenario) -> Scenario:
-    """Return the scenario with arms that go where they are sent."""
-    rigid = msgspec.structs.replace(assembly_of(scenario), compliance=None)
-    return msgspec.structs.replace(scenario, assembly=rigid)
-
-
-def assembly_of(scenario: Scenario) -> AssemblyConfig:
-    """Return the scenario's assembly; InputError where it has none."""
-    if scenario.assembly is None:
-        raise InputError(
-            f"scenario {scenario.name!r} has no assembly: what is drawn are the errors of one"
-        )
-    return scenario.assembly
-
-
-def misalignment(scenario: Scenario) -> float:
-    """Return how far the worst hole would be from its pin if nothing gave way [m].
-
-    max over the holes of |R(ψ) (p + e) + d − p|: p the pin's place, e the hole's error, d and ψ
-    the pick-up's, of a flat sheet laid where the robots believe to lay it.
-    """
-    config = assembly_of(scenario)
-    errors, pins = config.errors, hole_places(config.layout.holes)
-    c, s = math.cos(errors.pickup_yaw_rad), math.sin(errors.pickup_yaw_rad)
-    holes = (pins + np.array(config.layout.holes.errors_m)) @ np.array([[c, s], [-s, c]])
-    off = holes + np.array([errors.pickup_x_m, errors.pickup_y_m]) - pins
-    return float(np.linalg.norm(off, axis=1).max())
+def settings(trial: Trial) -> dict[str, str]:
+    """Return the keys that make the scenario that of the trial, with their values as text."""
+    found = {
+        f"task.errors.{name}": repr(value)
+        for name, value in msgspec.to_builtins(trial.errors).items()
+    }
+    found["task.layout.holes.errors_m"] = json.dumps(trial.hole_errors_m)
+    return found if trial.compliance else {**found, "task.compliance": "none"}
 
 
 def run_one(scenario: Scenario, seed: int, index: int, compliance: bool) -> Trial:
@@ -142,16 +106,14 @@ def run_one(scenario: Scenario, seed: int, index: int, compliance: bool) -> Tria
     run: Run | None = None
     try:
         run = make_run(drawn)
-        return _judge(run.run(), index)
-    except DualbendError as error:
-        outcome, cause, reason = "refused", REFUSED, str(error)
+        return _evaluated(result_of(run), index)
     except Exception as error:  # one bad run must not end the study
-        outcome, cause, reason = "error", RAISED, f"{type(error).__name__}: {error}"
+        outcome, reason = outcome_of(error)
     reached = (
         BEFORE if run is None else _phase(task_of(run.scenario).phases, getattr(run, "trace", None))
     )
     return trial(
-        drawn, index, success=False, outcome=outcome, reason=reason, phase=reached, cause=cause
+        drawn, index, success=False, outcome=outcome, reason=reason, phase=reached, cause=outcome
     )
 
 
@@ -169,7 +131,7 @@ def trial(drawn: Scenario, index: int, **ended: bool | str | float | None) -> Tr
     return msgspec.convert({**ended, **fixed}, Trial)
 
 
-def _judge(result: RunRecord, index: int) -> Trial:
+def _evaluated(result: RunRecord, index: int) -> Trial:
     config = assembly_of(result.scenario)
     count = int(seated(result).sum())
     success = result.outcome == "completed" and count == len(HOLES) * config.sheets

@@ -130,7 +130,7 @@ def _made(sweep: Sweep, u: Vector) -> list[tuple[Any, ...]]:
 def _of_kind(name: str, values: list[Any]) -> list[Any]:
     """Make whole numbers of a range's for a key that takes nothing else."""
     found = known_keys()[name]
-    if found is None or found[0].kind != "whole number":
+    if found is None or found.kind != "whole number":
         return values
     return [int(v) if isinstance(v, float) and v.is_integer() else v for v in values]
 

@@ -6,16 +6,12 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import pyarrow as pa
-
-mpl.use("Agg")
-
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dualbend.errors import InputError
+from dualbend.study.picture import save
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
 from dualbend.study.sweep.sensitivity import CONFIDENCE, Sensitivity
@@ -56,7 +52,7 @@ def plot_heat_map(sweep: Sweep, design: Design, table: pa.Table, metric: str, pa
     figure.colorbar(drawn, ax=axes, label=_with_unit(metric, unit_of(table, metric)))
     crossed = "; ×: did not complete" if x.size else ""
     axes.set_title(f"{sweep.name}: {metric}{crossed}", loc="left", fontsize="medium")
-    _save(figure, path)
+    save(figure, path)
 
 
 def _write_values(axes: Axes, values: np.ndarray) -> None:
@@ -96,7 +92,7 @@ def plot_sensitivity(
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     figure.suptitle(f"{sweep.name}: Sobol's indices, {len(design.rows)} runs", fontsize="medium")
-    _save(figure, path)
+    save(figure, path)
 
 
 def _short(design: Design, i: int, text: str) -> str:
@@ -109,10 +105,3 @@ def _short(design: Design, i: int, text: str) -> str:
 
 def _with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit not in {"", "1"} else name
-
-
-def _save(figure: Figure, path: Path) -> None:
-    try:
-        figure.savefig(path, dpi=120)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error}") from error

@@ -6,9 +6,7 @@ would be right.
 
 from __future__ import annotations
 
-import difflib
-import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,9 +15,9 @@ import msgspec
 import tomli_w
 
 from dualbend.errors import InputError
-from dualbend.scenario.explain import UNSET, explain, refuse_absurd, refuse_unknown
+from dualbend.scenario.explain import UNSET, converted, nearest, refuse_renamed
 from dualbend.scenario.keys import Key
-from dualbend.scenario.load import read_scenario, resolve_scenario
+from dualbend.scenario.load import parse_toml, read_scenario, resolve_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.toml_text import toml
 from dualbend.study.sweep.keys import (
@@ -134,13 +132,8 @@ def load_sweep(path: Path) -> Sweep:
     file = path / SWEEP if path.is_dir() else path
     data = _read(file)
     source = file.name
-    refuse_absurd(data, source, ())
-    refuse_unknown(data, SweepConfig, source, ())
-    try:
-        config = msgspec.convert(data, SweepConfig)
-    except msgspec.ValidationError as error:
-        raise InputError(f"{source}: {explain(data, str(error), SweepConfig)}") from error
-    keys = {name: make_spec(table, source, name) for name, table in _flat(config.keys)}
+    config = converted(data, SweepConfig, source)
+    keys = {name: make_spec(table, source, name) for name, table in _leaves(config.keys, is_spec)}
     sweep = Sweep(
         name=config.name or path.stem,
         source=source,
@@ -159,11 +152,10 @@ def load_sweep(path: Path) -> Sweep:
 
 def _read(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{file}: no sweep's file: {error}") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{file.name}: no valid TOML: {error}") from error
+    return parse_toml(text, file.name)
 
 
 def _scenario_tables(scenario: str, file: Path) -> dict[str, Any]:
@@ -171,24 +163,25 @@ def _scenario_tables(scenario: str, file: Path) -> dict[str, Any]:
     try:
         named = str(file.parent / scenario) if scenario.endswith(".toml") else scenario
         return read_scenario(named)
-    except (InputError, ValueError) as error:
+    except ValueError as error:
         raise InputError(f"{file.name}: scenario = {scenario!r}: {error}") from error
 
 
-def _flat(keys: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
-    """Yield each key by its dotted name, also where TOML made tables of the dots."""
-    for name, table in keys.items():
-        where = (*path, name)
-        if isinstance(table, dict) and not is_spec(table):
-            yield from _flat(table, where)
+def _leaves(
+    table: Mapping[str, Any], is_leaf: Callable[[Mapping[str, Any]], bool], path: str = ""
+) -> Iterator[tuple[str, Any]]:
+    """Yield each value by its dotted name, also where TOML made tables of the dots."""
+    for name, value in table.items():
+        if isinstance(value, dict) and not is_leaf(value):
+            yield from _leaves(value, is_leaf, f"{path}{name}.")
         else:
-            yield ".".join(where), table
+            yield f"{path}{name}", value
 
 
 def _check_keys(sweep: Sweep) -> None:
     if not sweep.keys:
         raise InputError(f"{sweep.source}: [keys] is empty: it needs a key that varies")
-    fixed = [name for name, _ in _leaves(sweep.config.settings)]
+    fixed = [name for name, _ in _leaves(sweep.config.settings, lambda table: not table)]
     for name in sweep.keys:
         for other in (*fixed, *sweep.keys):
             same = other == name and other in fixed
@@ -197,14 +190,6 @@ def _check_keys(sweep: Sweep) -> None:
                     f"{sweep.source}: keys.{name}: {other} is given as well; only one can hold"
                 )
         _check_key(sweep, name)
-
-
-def _leaves(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
-    for name, value in table.items():
-        if isinstance(value, dict) and value:
-            yield from _leaves(value, (*path, name))
-        else:
-            yield ".".join((*path, name)), value
 
 
 def _check_key(sweep: Sweep, name: str) -> None:
@@ -217,15 +202,14 @@ def _check_key(sweep: Sweep, name: str) -> None:
         )
     known = known_keys()
     if name not in known:
-        close = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
-        hint = f"did you mean {' or '.join(close)}? " if close else ""
+        refuse_renamed(name, f"{sweep.source}: [keys]")
+        hint = nearest(name, known, most=3)
         raise InputError(f"{where}: no key of a scenario; {hint}docs/reference.md has them all")
-    found = known[name]
-    if found is None:  # a section
+    key = known[name]
+    if key is None:  # a section
         if not isinstance(spec, Values):
             raise InputError(f"{where}: is a section, not a number: give values")
         return
-    key, kind = found
     if isinstance(spec, Uniform | Normal | Range) and "number" not in key.kind.split()[-1:]:
         raise InputError(f"{where}: is {key.kind}, not a number: give values")
     if isinstance(spec, Uniform | Normal) and key.kind == "whole number":
@@ -235,14 +219,14 @@ def _check_key(sweep: Sweep, name: str) -> None:
         if broken:
             raise InputError(f"{where}: is a whole number, and the range has {broken[0]}")
     for value in spec.values if isinstance(spec, Values) else ():
-        _check_value(where, value, key, kind)
+        _check_value(where, value, key)
 
 
-def _check_value(where: str, value: object, key: Key, kind: Any) -> None:  # noqa: ANN401 - a type
+def _check_value(where: str, value: object, key: Key) -> None:
     if value == UNSET and key.default is None:
         return
     try:
-        msgspec.convert(value, kind)
+        msgspec.convert(value, key.type)
     except msgspec.ValidationError as error:
         # Out of its bounds, a value may be refused together with others: that is a run's reason.
         if ", got `" in str(error) or "Invalid enum" in str(error):

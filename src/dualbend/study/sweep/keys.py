@@ -124,7 +124,7 @@ def make_spec(table: object, source: str, key: str) -> Spec:
         kind = Normal
     if kind is Range and not {"min", "max", "steps"} <= table.keys() <= _WORDS:
         raise InputError(f"{source}: {where} = {table}: needs {RIGHT}")
-    refuse_unknown(table, kind, source, ("keys", key))
+    refuse_unknown(table, {"": kind}, source, ("keys", key))
     try:
         return msgspec.convert(table, kind)
     except msgspec.ValidationError as error:
@@ -151,13 +151,12 @@ def _refuse_bounds(low: float, high: float, *, positive: bool) -> None:
 
 
 @functools.cache
-def known_keys() -> dict[str, tuple[Key, Any] | None]:
-    """Return every key of a scenario with what it is and its type, by name; None of a section."""
-    found: dict[str, tuple[Key, Any] | None] = {}
+def known_keys() -> dict[str, Key | None]:
+    """Return every key of a scenario by name; None of a section."""
+    found: dict[str, Key | None] = {}
     for section in sections():
         if section.path:
             found[section.title] = None
-        types = {f.encode_name: f.type for f in msgspec.structs.fields(section.struct)}
-        for key in section.keys:
-            found[".".join((*section.path, key.name))] = (key, types[key.name])
+        # Kinds that share a key agree on it, but for words that only the last of them has.
+        found |= {".".join((*section.path, key.name)): key for key in section.keys}
     return found

@@ -8,6 +8,8 @@ from collections import Counter
 from collections.abc import Callable
 from typing import TextIO
 
+from dualbend.study.sweep.row import RunRow
+
 _EVERY_S = 30.0
 """Where there is no terminal, a line this often: a log is not to be flooded."""
 
@@ -33,11 +35,11 @@ class Progress:
         self._began = self._told = clock()
         self._width = 0
 
-    def __call__(self, done: int, total: int, outcome: str) -> None:
-        """Take note of a run's end; ``outcome`` is "" at the start."""
+    def __call__(self, done: int, total: int, row: RunRow | None) -> None:
+        """Take note of the last run's row; there is none at the start."""
         self.done, self.total = done, total
-        if outcome:
-            self._ended[outcome] += 1
+        if row is not None:
+            self._ended[row.outcome] += 1
         else:
             self._before, self._began = done, self._clock()
         last = done == total
@@ -45,7 +47,7 @@ class Progress:
             text = self.text()
             self._stream.write(f"\r{text:<{self._width}}" + ("\n" if last else ""))
             self._width = len(text)
-        elif last or not outcome or self._clock() - self._told >= _EVERY_S:
+        elif last or row is None or self._clock() - self._told >= _EVERY_S:
             self._stream.write(self.text() + "\n")
             self._told = self._clock()
         self._stream.flush()

@@ -15,7 +15,7 @@ from dualbend.study.sweep.file import Sweep
 from dualbend.study.sweep.row import RunRow
 from dualbend.study.sweep.sensitivity import CONFIDENCE, Sensitivity, sensitivities
 from dualbend.study.sweep.table import make_table, numbers, shown_metrics, unit_of, write_table
-from dualbend.table import Column, Table
+from dualbend.table import Columns, Table, quantity
 
 SENSITIVITY = "sensitivity.png"
 _LISTED = 5
@@ -78,8 +78,8 @@ def _failed_lines(design: Design, rows: Sequence[RunRow]) -> list[str]:
 def _metric_lines(table: pa.Table, metrics: Sequence[str]) -> list[str]:
     if not metrics:
         return []
-    numeric = [Column(name, right=True, width=10) for name in ("min", "median", "max")]
-    columns = [Column("metric"), Column("runs", right=True), *numeric, Column("of runs")]
+    numeric = [quantity(name, width=10) for name in ("min", "median", "max")]
+    columns: Columns = ["metric", quantity("runs"), *numeric, "of runs"]
     return [Table(columns, [_metric_row(table, name) for name in metrics]).text()]
 
 
@@ -98,11 +98,8 @@ def _sensitivity_lines(
 ) -> list[str]:
     if not found:
         return []
-    numeric = [
-        *(Column("first", format=".3f", right=True), Column("", right=True)),
-        *(Column("total", format=".3f", right=True), Column("", right=True)),
-    ]
-    columns = [Column("metric"), Column("key"), *numeric]
+    first, total = (quantity(name, spec=".3f") for name in ("first", "total"))
+    columns: Columns = ["metric", "key", first, quantity(""), total, quantity("")]
     rows = [row for one in found if not one.why for row in _index_rows(design, one)]
     lines = [f"Sobol's indices, {100.0 * CONFIDENCE:g} % intervals"]
     lines += [Table(columns, rows).text()] if rows else []

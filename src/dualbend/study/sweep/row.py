@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import msgspec
 
-from dualbend.errors import DualbendError, InputError
-from dualbend.evaluation.metrics import WALL_CLOCK, versions
+from dualbend.errors import InputError
 from dualbend.run.make import make_run
-from dualbend.run.record import Metric, RunRecord
+from dualbend.run.record import Metric
 from dualbend.scenario.scenario import Scenario
+from dualbend.study.ending import metrics_of, outcome_of, result_of
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
-
-REFUSED, RAISED = "refused", "error"
-"""Outcomes beside those of a run: it cannot be made ready, or is broken."""
-
-_MAY_DIFFER = ("python", "rerun-sdk")
 
 
 class RunRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -26,13 +21,19 @@ class RunRow(msgspec.Struct, frozen=True, kw_only=True):
     reason: str = ""
     metrics: dict[str, Metric] = {}
 
+    @classmethod
+    def without_result(cls, index: int, error: Exception) -> RunRow:
+        """Return the row of a run that an exception ended."""
+        outcome, reason = outcome_of(error)
+        return cls(index=index, outcome=outcome, reason=reason)
 
-def resolved(sweep: Sweep, design: Design, index: int) -> Scenario | RunRow:
-    """Return a run's scenario, or the row of one that is refused."""
+
+def task(sweep: Sweep, design: Design, index: int) -> tuple[int, Scenario] | RunRow:
+    """Return a run's number and scenario, or the row of one that is refused."""
     try:
-        return sweep.resolve(design.settings(index), design.seed(index))
+        return index, sweep.resolve(design.settings(index), design.seed(index))
     except InputError as error:
-        return RunRow(index=index, outcome=REFUSED, reason=str(error))
+        return RunRow.without_result(index, error)
 
 
 def run_row(index: int, scenario: Scenario) -> RunRow:
@@ -44,21 +45,8 @@ def run_row(index: int, scenario: Scenario) -> RunRow:
         The user ended it; half a run is no result.
     """
     try:
-        result = make_run(scenario).run()
-        metrics = _metrics(result)
-    except DualbendError as error:
-        return RunRow(index=index, outcome=REFUSED, reason=str(error))
+        result = result_of(make_run(scenario))
+        metrics = metrics_of(result)
     except Exception as error:  # one bad run must not end the sweep
-        return RunRow(index=index, outcome=RAISED, reason=f"{type(error).__name__}: {error}")
-    if result.reason.startswith("interrupted"):
-        raise KeyboardInterrupt
+        return RunRow.without_result(index, error)
     return RunRow(index=index, outcome=result.outcome, reason=result.reason, metrics=metrics)
-
-
-def _metrics(result: RunRecord) -> dict[str, Metric]:
-    return {name: metric for name, metric in result.metrics.items() if name not in WALL_CLOCK}
-
-
-def result_versions() -> dict[str, str]:
-    """Return the versions that must be the same wherever a sweep's runs are made."""
-    return {name: v for name, v in versions().items() if name not in _MAY_DIFFER}

@@ -1,48 +1,41 @@
-"""A sweep: its runs in local processes or on a cluster, each kept as soon as it is done.
+"""A sweep as a study: its runs and the folder that they are kept in.
 
 The folder holds the sweep and its scenario, complete (``sweep.toml``, ``scenario.toml``), what
-:mod:`dualbend.study.engine` keeps, and ``table.parquet``.
+:mod:`dualbend.study.folder` keeps, and ``table.parquet``.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import closing
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import versions
 from dualbend.scenario.scenario import Scenario
-from dualbend.study.engine import StudyFolder, WorkerDiedError, in_processes
+from dualbend.study.ending import RAISED
+from dualbend.study.engine import Place, Study
+from dualbend.study.folder import StudyFolder
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import SCENARIO, SWEEP, Sweep
-from dualbend.study.sweep.row import RAISED, RunRow, resolved, run_row
+from dualbend.study.sweep.row import RunRow, run_row, task
 
-Task: TypeAlias = tuple[int, Scenario]
 RunOne: TypeAlias = Callable[[int, Scenario], RunRow]
-Runs: TypeAlias = Callable[[Sequence[Task], RunOne], Generator[RunRow]]
-"""Makes the runs somewhere and yields their rows as they end."""
-
-DIED = "the process that ran it died, also when it ran alone"
 
 
 def run_sweep(
     sweep: Sweep,
     design: Design,
     folder: Path,
-    runs: Runs,
+    place: Place,
     *,
     run: RunOne = run_row,
-    on_run: Callable[[int, int, str], None] = lambda *_: None,
+    on_run: Callable[[int, int, RunRow | None], None] = lambda *_: None,
 ) -> list[RunRow]:
     """Make the runs that the folder does not have yet; return all, by index.
 
-    They depend neither on ``runs``, which is :func:`locally` or a cluster's, nor on the order in
-    which they end. ``on_run`` is told the number of runs that are done and that there will be, and
-    how the last one ended, "" at the start.
+    ``on_run`` as :meth:`dualbend.study.engine.Study.run` has it.
 
     Raises
     ------
@@ -51,81 +44,38 @@ def run_sweep(
     KeyboardInterrupt
         Interrupted; the runs that were done are in the folder, and the same call goes on.
     """
-    total = len(design.rows)
     _refuse_hopeless(sweep, design)
-    text = sweep.scenario_toml()
-    study = {
-        "versions": versions(),
-        "scenario": text,
-        "sweep": sweep.to_toml(all_of_it=False),
-    }
-    files = {SCENARIO: text, SWEEP: sweep.to_toml()}
-    kept = StudyFolder(folder, RunRow, "run", lambda row: row.index)
-    with kept.opened(study, files, "sweep") as (done, keep):
-        on_run(len(done), total, "")
+    text, complete = sweep.scenario_toml(), sweep.to_toml()
 
-        def add(row: RunRow) -> None:
-            keep(row)
-            done[row.index] = row
-            on_run(len(done), total, row.outcome)
+    def finish(rows: list[RunRow]) -> list[RunRow]:
+        (folder / SWEEP).write_text(complete, encoding="utf-8")  # its metrics may be others
+        return rows
 
-        tasks = []
-        for index in range(total):
-            found = None if index in done else resolved(sweep, design, index)
-            if isinstance(found, RunRow):
-                add(found)
-            elif found is not None:
-                tasks.append((index, found))
-        # Closed also where an interrupt comes between two runs.
-        with closing(runs(tasks, run)) as rows:
-            for row in rows:
-                add(row)
-        (folder / SWEEP).write_text(files[SWEEP], encoding="utf-8")  # its metrics may be others
-    return [done[index] for index in range(total)]
+    study = Study(
+        design=range(len(design.rows)),
+        task=partial(task, sweep, design),
+        run_one=run,
+        key=lambda row: row.index,
+        summarise=finish,
+        lost=lambda index, reason: RunRow(index=index, outcome=RAISED, reason=reason),
+    )
+    kept = StudyFolder(
+        folder=folder,
+        row=RunRow,
+        study={"versions": versions(), "scenario": text, "sweep": sweep.to_toml(all_of_it=False)},
+        files={SCENARIO: text, SWEEP: complete},
+        name="sweep",
+    )
+    return study.run(place, kept, on_run)
 
 
 def _refuse_hopeless(sweep: Sweep, design: Design) -> None:
     """Refuse a sweep, before it has a folder, none of whose scenarios can be loaded."""
-    found = (resolved(sweep, design, index) for index in range(len(design.rows)))
-    refused = list(itertools.takewhile(lambda one: isinstance(one, RunRow), found))
-    if len(refused) == len(design.rows):
-        first = refused[0]
-        reason = first.reason if isinstance(first, RunRow) else ""
-        raise InputError(f"{sweep.source}: all {len(refused)} runs are refused; run 0: {reason}")
-
-
-def locally(workers: int) -> Runs:
-    """Return what makes the runs in processes of this machine, each with one thread."""
-
-    def runs(tasks: Sequence[Task], run: RunOne) -> Generator[RunRow]:
-        left = {task[0]: task for task in tasks}
-        while left:
-            try:
-                with closing(
-                    in_processes(list(left.values()), run, workers, ProcessPoolExecutor)
-                ) as rows:
-                    for row in rows:
-                        del left[row.index]
-                        yield row
-            except WorkerDiedError as died:
-                for index, scenario in died.running:
-                    del left[index]
-                    yield _alone(index, scenario, run)
-
-    return runs
-
-
-def _alone(index: int, scenario: Scenario, run: RunOne) -> RunRow:
-    """Make a run that a process died with: one that dies again is a row, not the sweep's end.
-
-    WorkerDiedError where not even a process that does nothing lives.
-    """
-    try:
-        return next(in_processes([(index, scenario)], run, 1))
-    except WorkerDiedError:
-        next(in_processes([(index,)], _live, 1))
-        return RunRow(index=index, outcome=RAISED, reason=DIED)
-
-
-def _live(index: int) -> int:
-    return index
+    first = None
+    for index in range(len(design.rows)):
+        found = task(sweep, design, index)
+        if not isinstance(found, RunRow):
+            return
+        first = first or found
+    reason = "" if first is None else first.reason
+    raise InputError(f"{sweep.source}: all {len(design.rows)} runs are refused; run 0: {reason}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pyarrow as pa
@@ -18,6 +18,10 @@ from dualbend.types import Vector
 CONFIDENCE, _RESAMPLES = 0.95, 400
 
 
+def _nothing() -> Vector:
+    return np.empty(0)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
     """One metric's indices, an entry a key (d,), with the ends of their intervals (2, d).
@@ -27,10 +31,10 @@ class Sensitivity:
     """
 
     metric: str
-    first: Vector
-    total: Vector
-    first_interval: Vector
-    total_interval: Vector
+    first: Vector = field(default_factory=_nothing)
+    total: Vector = field(default_factory=_nothing)
+    first_interval: Vector = field(default_factory=_nothing)
+    total_interval: Vector = field(default_factory=_nothing)
     why: str = ""
 
 
@@ -47,24 +51,14 @@ def sensitivities(
 
 
 def _indices(name: str, y: Vector, n: int, d: int) -> Sensitivity:
-    nothing = np.full((2, d), np.nan)
-    why = ""
     if not np.isfinite(y).all():
-        why = f"{np.count_nonzero(~np.isfinite(y))} of {y.size} runs have no value"
-    elif np.ptp(y) <= 1e-12 * np.abs(y).max():
-        why = "it does not vary"
-    if why:
-        return Sensitivity(
-            metric=name,
-            first=nothing[0],
-            total=nothing[0],
-            first_interval=nothing,
-            total_interval=nothing,
-            why=why,
-        )
+        missing = np.count_nonzero(~np.isfinite(y))
+        return Sensitivity(metric=name, why=f"{missing} of {y.size} runs have no value")
+    if np.ptp(y) <= 1e-12 * np.abs(y).max():
+        return Sensitivity(metric=name, why="it does not vary")
     f_a, f_b, f_ab = y[:n], y[n : 2 * n], y[2 * n :].reshape(d, n)
     first, total = _estimate(f_a, f_b, f_ab)
-    # Rows of the design, drawn anew; the same ones on every call.
+    # Rows of the design, resampled; the same ones on every call.
     rng = np.random.default_rng(0)
     draws = rng.integers(n, size=(_RESAMPLES, n))
     with warnings.catch_warnings(), np.errstate(all="ignore"):

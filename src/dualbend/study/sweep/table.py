@@ -1,4 +1,4 @@
-"""A sweep's table: a row a run, a column a key or a number, the units in the columns' metadata."""
+"""A sweep's table: one row per run, one column per key or metric, with their units as metadata."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def write_table(table: pa.Table, folder: Path) -> None:
 def key_unit(name: str) -> str:
     """Return a key's unit, "" where it has none."""
     found = known_keys().get(name)
-    return "" if found is None else found[0].unit.removeprefix("-")
+    return "" if found is None else found.unit.removeprefix("-")
 
 
 def unit_of(table: pa.Table, name: str) -> str:

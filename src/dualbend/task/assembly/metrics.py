@@ -12,6 +12,7 @@ from dualbend.evaluation.metrics import common_metrics, peak, surface_strain
 from dualbend.planning.plan import plan_assembly
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scene.bed.config import HOLES
+from dualbend.task.assembly.config import assembly_of
 from dualbend.types import SIDES, Vector
 
 OFFSET_BEYOND_CLEARANCE_M = 0.02e-3
@@ -28,8 +29,7 @@ def final_holes(result: RunRecord) -> Vector:
     picked up, nothing.
     """
     laid = list(result.laid)
-    assembly = result.scenario.assembly
-    assert assembly is not None
+    assembly = assembly_of(result.scenario)
     if len(laid) < assembly.sheets and result.trace.rows:
         columns = [[result.trace[f"hole_{hole}_{axis}"][-1] for axis in "xyz"] for hole in HOLES]
         laid.append(np.array(columns))
@@ -42,8 +42,7 @@ def final_holes(result: RunRecord) -> Vector:
 
 def seated(result: RunRecord) -> NDArray[np.bool_]:
     """Return which holes are seated (sheets, 4): around their pins, and resting, and let go."""
-    assembly = result.scenario.assembly
-    assert assembly is not None
+    assembly = assembly_of(result.scenario)
     holes = final_holes(result)
     allowed = 0.5 * assembly.layout.holes.clearance_m + OFFSET_BEYOND_CLEARANCE_M
     around = np.hypot(holes[:, :, 0], holes[:, :, 1]) <= allowed
@@ -129,8 +128,7 @@ def middle_spacing(result: RunRecord) -> float | None:
     bent = np.flatnonzero(trace["phase"] == result.phases.index("bend"))
     if not bent.size:
         return None
-    assembly = result.scenario.assembly
-    assert assembly is not None
+    assembly = assembly_of(result.scenario)
     last, pair = bent[-1], assembly.layout.holes.middle
     between = [2.0 * pair.along_m, 2.0 * pair.across_m]
     for i, axis in enumerate("xy"):
@@ -143,8 +141,7 @@ def middle_spacing(result: RunRecord) -> float | None:
 def metrics(result: RunRecord) -> dict[str, Metric]:
     """Return the metrics of an assembly; forces and moments are those of all phases."""
     phases, holes, pins = phase_table(result), hole_table(result), pin_table(result)
-    config, sheet = result.scenario.assembly, result.scenario.sheet.sheet()
-    assert config is not None
+    config, sheet = assembly_of(result.scenario), result.scenario.sheet.sheet()
     spacing = middle_spacing(result)
     if spacing is not None:
         plan = plan_assembly(sheet, config.layout.holes, config.layout.pins)

@@ -15,7 +15,7 @@ from dualbend.beam.path import BendingPath
 from dualbend.beam.rod.planar import solve_planar
 from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
 from dualbend.errors import InputError
-from dualbend.scenario.assembly import AssemblyConfig
+from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.execution import Execution
 from dualbend.task.assembly.motions import Pace, Posture
 from dualbend.task.assembly.search import search_pattern, side_to_side

@@ -17,10 +17,10 @@ from dualbend.recording.layers import TITLES, Layers, Views, gripper_view, view
 from dualbend.recording.log import FRAME_CYCLES, Colour, RecordingLog
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import Trace
-from dualbend.scenario.assembly import AssemblyConfig
 from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
 from dualbend.scene.bed.mjcf import laid_body
 from dualbend.scene.sheet.strips import strip_body
+from dualbend.task.assembly.config import assembly_of
 from dualbend.task.assembly.motions import PHASES
 from dualbend.types import Vector
 
@@ -161,11 +161,11 @@ class AssemblyLayers(Layers):
     def places(self, result: RunRecord) -> tuple[Vector, Vector]:
         """Return where the bending frames are to be and were sent (rows, 4): x, y, z [m], yaw."""
         there = places(result.trace)
-        return there, carried(result.trace, there, result.scenario.alter.delay_cycles)
+        return there, carried(result.trace, there, result.scenario.robot.alter.delay_cycles)
 
     def views(self, result: RunRecord) -> Views:
         """Return the views of the cell and the bed, and of each pin as tabs."""
-        config = _config(result)
+        config = assembly_of(result.scenario)
         height, several = result.scenario.cell.sheet_height_m, config.sheets > 1
         cell = view("Cell", [0.0, -2.2, height + 0.6], [0.0, 0.0, height - 0.1])
         bed, *pins = _close_ups(config.layout)
@@ -195,7 +195,7 @@ class AssemblyLayers(Layers):
                 return
             data.qpos[:] = result.trace.qpos[supplied - 1]
             mujoco.mj_kinematics(model, data)
-            for i in range(result.scenario.sheet.strips.hinges + 1):
+            for i in range(result.scenario.sheet.model.sections + 1):
                 mocap = model.body_mocapid[model.body(laid_body(number, i)).id]
                 strip = model.body(strip_body(i)).id
                 # A strip's centre of mass is its plate's middle.
@@ -206,21 +206,17 @@ class AssemblyLayers(Layers):
         """Return the view of the pin that a hole is just going over."""
         phase = int(result.trace["phase"][row])
         pin = _MIDDLE if phase <= PHASES.index("unfold") else _OUTER
-        return _pin_camera(_config(result).layout, pin), f"{HOLES[pin].replace('_', ' ')} pin"
+        return _pin_camera(
+            assembly_of(result.scenario).layout, pin
+        ), f"{HOLES[pin].replace('_', ' ')} pin"
 
 
 LAYERS = AssemblyLayers()
 
 
-def _config(result: RunRecord) -> AssemblyConfig:
-    config = result.scenario.assembly
-    assert config is not None
-    return config
-
-
 def log_sheet_lane(log: RecordingLog, result: RunRecord) -> None:
     """Log which sheet of the book is being laid, where there is more than one."""
-    book = _config(result).sheets
+    book = assembly_of(result.scenario).sheets
     if book > 1 and result.trace.rows:
         starts = np.concatenate(([0], supply_rows(result)))
         names = [f"{i + 1} of {book}" for i in range(len(starts))]

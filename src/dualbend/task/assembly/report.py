@@ -11,9 +11,9 @@ from dualbend.report.sections.bent_sheet import moment_section, path_section, sh
 from dualbend.report.sections.tables import metrics_section
 from dualbend.report.sections.time import phase_section, wrench_section
 from dualbend.run.record import RunRecord
-from dualbend.scenario.assembly import AssemblyConfig
 from dualbend.scene.bed.config import HOLES
-from dualbend.table import Column, Table
+from dualbend.table import Columns, Table, quantity
+from dualbend.task.assembly.config import assembly_of
 
 _TURN = np.linspace(0.0, 2.0 * np.pi, 73)
 _HOLES: list[tuple[str, str, Colour]] = [
@@ -41,7 +41,7 @@ def sections_of(run: RunRecord) -> list[Section | None]:
 
 def holes_section(over_time: OverTime) -> Section:
     """Return how the holes came over their pins, and where they lie."""
-    run, layout = over_time.run, _config(over_time.run).layout
+    run, layout = over_time.run, assembly_of(over_time.run.scenario).layout
     allowed = 0.5e3 * layout.holes.clearance_m
     away, high = [], []
     for hole, name, colour in _HOLES:
@@ -67,11 +67,6 @@ def holes_section(over_time: OverTime) -> Section:
         ),
     ]
     return Section("Holes over pins", [Panels(figures), *_final(run, allowed)])
-
-
-def _config(run: RunRecord) -> AssemblyConfig:
-    assert run.scenario.assembly is not None
-    return run.scenario.assembly
 
 
 def _last(curves: list[Curve]) -> str:
@@ -115,9 +110,8 @@ def _final(run: RunRecord, allowed_mm: float) -> list[Block]:
         )
         for row in holes
     ]
-    columns = [
-        *(Column("hole"), Column("off its pin's axis", "µm", right=True)),
-        *(Column("above its rest", "µm", right=True), Column("seated")),
+    columns: Columns = [
+        *("hole", quantity("off its pin's axis", "µm"), quantity("above its rest", "µm"), "seated")
     ]
     return [picture, Table(columns, rows, "Holes at the end of the run")]
 
@@ -139,17 +133,14 @@ def pins_section(over_time: OverTime) -> Section:
         (_name(row.get("pin")), row.get("peak_force_n"), row.get("peak_edge_force_n"))
         for row in over_time.run.summary.tables.get("pins", [])
     ]
-    columns = [
-        *(Column("pin"), Column("peak force", "N", right=True)),
-        Column("peak force of one contact", "N", right=True),
-    ]
-    peaks = [Table(columns, rows, "Peak forces on the pins")] if rows else []
-    return Section("Forces on the pins", [Panels(figures), *peaks])
+    peaks = [quantity(f"peak force{of}", "N") for of in ("", " of one contact")]
+    table = [Table(["pin", *peaks], rows, "Peak forces on the pins")] if rows else []
+    return Section("Forces on the pins", [Panels(figures), *table])
 
 
 def object_section(over_time: OverTime) -> Section | None:
     """Return the deviation of the held sheet by its compliance; None where there is none."""
-    if _config(over_time.run).compliance is None:
+    if assembly_of(over_time.run.scenario).compliance is None:
         return None
     looks: tuple[tuple[Axis, tuple[tuple[str, Colour], ...]], ...] = (
         (Axis("deviation of place", "mm"), (("x", "blue"), ("y", "orange"))),

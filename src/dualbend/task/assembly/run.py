@@ -25,8 +25,6 @@ from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.cell import RobotCell
 from dualbend.run.loop import Run
 from dualbend.run.outcome import TaskStopped
-from dualbend.scenario.assembly import ErrorsConfig
-from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.scene.bed.pin_contacts import PinContacts
@@ -34,6 +32,7 @@ from dualbend.scene.grippers import Grippers
 from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
+from dualbend.task.assembly.config import ErrorsConfig, assembly_of
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyProgram
 from dualbend.task.assembly.stiffness import object_stiffness
@@ -71,14 +70,12 @@ def assembly_plan(scenario: Scenario) -> AssemblyPlan:
         There is no assembly in it, no robot could work at its workplace or feel what it does, or
         the holes do not go over the pins at the bending angle.
     """
-    config, sheet = scenario.assembly, scenario.sheet.sheet()
+    config, sheet = assembly_of(scenario), scenario.sheet.sheet()
     source = f"scenario {scenario.name!r}"
-    if config is None:
-        raise InputError(f"{source}: no section [assembly]: there is nothing to plan")
-    if config.compliance is not None and len(scenario.arms.sensing) < len(SIDES):
+    if config.compliance is not None and len(scenario.compliance.sensing) < len(SIDES):
         raise InputError(
-            f"{source}: arms.sensing = {list(scenario.arms.sensing)}: "
-            f"assembly.compliance needs the net force of both arms, {list(SIDES)}"
+            f"{source}: compliance.sensing = {list(scenario.compliance.sensing)}: "
+            f"task.compliance needs the net force of both arms, {list(SIDES)}"
         )
     strain = scenario.limit_strain
     try:
@@ -86,7 +83,7 @@ def assembly_plan(scenario: Scenario) -> AssemblyPlan:
         plan = plan_assembly(sheet, config.layout.holes, config.layout.pins, yield_strain=strain)
     except InputError as error:
         # The planner speaks of holes and pins; here they have their full names.
-        text = re.sub(r"(?<!layout\.)\b(holes|pins)\.", r"assembly.layout.\1.", str(error))
+        text = re.sub(r"(?<!layout\.)\b(holes|pins)\.", r"task.layout.\1.", str(error))
         raise InputError(f"{source}: {text}") from error
     low, high = plan.range.clear_rad, plan.range.highest_rad
     if not low <= scenario.path.end_rad <= high:
@@ -111,9 +108,8 @@ class AssemblyRun(Run):
     def __init__(self, scenario: Scenario) -> None:
         self.plan = assembly_plan(scenario)
         self.scenario = scenario
-        assert scenario.assembly is not None
-        self.config, sheet = scenario.assembly, scenario.sheet.sheet()
-        self._path = make_path(scenario.path, sheet.length_m)
+        self.config, sheet = assembly_of(scenario), scenario.sheet.sheet()
+        self._path = scenario.path.make(sheet.length_m)
         limit = scenario.limit_strain
         assert limit is not None  # an assembly has one
         self.program = AssemblyProgram(
@@ -133,12 +129,12 @@ class AssemblyRun(Run):
         super().__init__(scenario, cell)
         self._limit_strain = limit * sheet.young_pa / cell.sheet.young_pa
         self._check_path()
-        simulation, layout = cell.simulation, self.config.true_layout()
+        simulation, layout = cell.simulation, self.config.workplace
         self.grippers = Grippers(simulation.model, simulation.data, cell.sheet.thickness_m)
         self.pins = PinContacts(
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
-        simulation.watch = self
+        simulation.on_step = self.on_step
         if self.config.compliance is not None:
             self.stiffness = self._stiffness(cell)
             self._mobility = self._rate(self.config.compliance) / self.stiffness
@@ -178,9 +174,9 @@ class AssemblyRun(Run):
         layout = self.config.layout
         return InputError(
             f"scenario {self.scenario.name!r}: {phase}: {error}; look at "
-            f"assembly.layout.stand.y_m = {layout.stand.y_m:g}, "
-            f"assembly.layout.stand.top_m = {layout.stand.top_m:g}, "
-            f"assembly.layout.bed.top_m = {layout.bed.top_m:g}, "
+            f"task.layout.stand.y_m = {layout.stand.y_m:g}, "
+            f"task.layout.stand.top_m = {layout.stand.top_m:g}, "
+            f"task.layout.bed.top_m = {layout.bed.top_m:g}, "
             f"{shown_placements(self.scenario)}"
         )
 
@@ -189,20 +185,21 @@ class AssemblyRun(Run):
         """Number of command cycles, at most."""
         return round(self.config.sheets * LONGEST_S / COMMAND_PERIOD_S)
 
-    def look(self) -> None:
-        """Look at pins and jaws after every physics step."""
-        self.pins.look()
-        self.grippers.look()
+    def on_step(self) -> None:
+        """Follow pins and jaws after every physics step."""
+        self.pins.on_step()
+        self.grippers.on_step()
 
     def start(self) -> SensorSample:
         """Put the arms beside the stand, jaws open, and a sheet upon it."""
-        cell = self.cell
+        cell, opening = self.cell, self.config.jaw_opening_m
         cell.response.reset(cell.home)
-        flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
-        sample = cell.simulation.reset(
-            cell.home, self.config.jaw_opening_m, flat, *self._on_the_stand()
+        flat = np.zeros(self.scenario.sheet.model.sections + 1)
+        simulation = cell.simulation
+        sample = simulation.reset(
+            simulation.positions(cell.home, opening, flat, *self._on_the_stand())
         )
-        self.grippers.reset(self.config.jaw_opening_m)
+        self.grippers.reset(opening)
         self.pins.peaks()
         self.laid = []
         return sample
@@ -216,7 +213,7 @@ class AssemblyRun(Run):
     def _supply(self) -> None:
         """Leave the laid sheet where it is and put the next one on the stand."""
         self.pins.lay(len(self.laid) - 1)
-        flat = np.zeros(self.scenario.sheet.strips.hinges + 1)
+        flat = np.zeros(self.scenario.sheet.model.sections + 1)
         self.cell.simulation.put_sheet(flat, *self._on_the_stand())
 
     def _rate(self, compliance: ObjectComplianceConfig) -> float:
@@ -224,7 +221,7 @@ class AssemblyRun(Run):
         scenario, step_s = self.scenario, self.scenario.physics.step_s
         elements = [
             LowPass(scenario.filter).transfer_function(),
-            TransportDelay(scenario.alter.delay_cycles, 1).transfer_function(),
+            TransportDelay(scenario.robot.alter.delay_cycles, 1).transfer_function(),
             self.cell.response.transfer_function(),
         ]
         age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
@@ -236,8 +233,8 @@ class AssemblyRun(Run):
         Of the sheet that the robots believe in: they know of no errors.
         """
         if self.config.errors != ErrorsConfig():
-            assembly = msgspec.structs.replace(self.config, errors=ErrorsConfig())
-            scenario = msgspec.structs.replace(self.scenario, assembly=assembly)
+            task = msgspec.structs.replace(self.config, errors=ErrorsConfig())
+            scenario = msgspec.structs.replace(self.scenario, task=task)
             cell = RobotCell(scenario, cell.start, cell.place)
         pinned = self.config.layout.holes.middle.along_m
         found = []
@@ -253,7 +250,7 @@ class AssemblyRun(Run):
         self._admittance = (
             None if compliance is None else ObjectAdmittance(compliance, BENDS, self._mobility)
         )
-        self._delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
+        self._delay = TransportDelay(self.scenario.robot.alter.delay_cycles, 3)
         self._task = self.program.begin()
         super().begin(on_cycle)
 
@@ -340,7 +337,7 @@ class AssemblyRun(Run):
 
     def _surface_strain(self) -> float:
         """Return the largest surface strain, ε = |Δθ| t / (2 h)."""
-        sheet, hinges = self.cell.sheet, self.scenario.sheet.strips.hinges
+        sheet, hinges = self.cell.sheet, self.scenario.sheet.model.sections
         curvature = np.abs(self.cell.simulation.bending_angles).max() * hinges / sheet.length_m
         return float(0.5 * sheet.thickness_m * curvature)
 

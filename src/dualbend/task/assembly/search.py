@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dualbend.scenario.assembly import SearchConfig
+from dualbend.task.assembly.config import SearchConfig
 
 
 def search_pattern(search: SearchConfig) -> list[tuple[float, float]]:

@@ -27,7 +27,7 @@ def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: flo
     scenario, simulation = cell.scenario, cell.simulation
     model, data = simulation.model, mujoco.MjData(simulation.model)
     length = scenario.sheet.length_m
-    arcs = np.linspace(0.0, length, scenario.sheet.strips.hinges + 1)
+    arcs = np.linspace(0.0, length, scenario.sheet.model.sections + 1)
     _, _, slopes = elastica.shape(alpha_rad, length, arcs)
     place = np.array([0.0, 0.0, 1.0])
     data.qpos[:] = simulation.positions(q, 0.0, slopes, place)
@@ -64,7 +64,7 @@ def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: flo
 
 def _hinges(model: mujoco.MjModel, sign: float, pinned_m: float, cell: RobotCell) -> list[int]:
     """Return the joints between a pinned hole and its end of the sheet, bending and twist."""
-    hinges, length = cell.scenario.sheet.strips.hinges, cell.sheet.length_m
+    hinges, length = cell.scenario.sheet.model.sections, cell.sheet.length_m
     names = [model.joint(i).name for i in range(model.njnt)]
     found = []
     for i in range(hinges):

@@ -7,8 +7,8 @@ from typing import Final
 
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
-from dualbend.scenario.assembly import AssemblyConfig
 from dualbend.scene.bed.config import BedConfig, StandConfig
+from dualbend.task.assembly.config import AssemblyConfig
 
 JAW_ROOM_M: Final = 0.015
 """From a grip to what its gripper must not touch: half a jaw's depth, and 5 mm to be safe."""
@@ -46,10 +46,10 @@ def _problems(config: AssemblyConfig, sheet: Sheet) -> Iterator[str]:
             f"layout.stand.y_m = {stand.y_m:g}: the stand stands in the bed; at least {apart:g} "
             "to either side"
         )
-    book = (config.sheets - 1) * sheet.thickness_m
-    if book + sheet.thickness_m > pins.height_m:
+    laid = (config.sheets - 1) * sheet.thickness_m
+    if laid + sheet.thickness_m > pins.height_m:
         yield (
-            f"sheets = {config.sheets}: the book is higher than its pins, "
+            f"sheets = {config.sheets}: the stack is higher than its pins, "
             f"layout.pins.height_m = {pins.height_m:g}; at most "
             f"{int(pins.height_m / sheet.thickness_m)} sheets"
         )

@@ -2,13 +2,15 @@
 
 from dualbend.registry import Task
 from dualbend.scenario.motion import PHASES
+from dualbend.task.bending.config import BendingConfig
 
 BENDING = Task(
     kind="bending",
-    config=None,
+    config=BendingConfig,
     phases=PHASES,
     run="dualbend.task.bending.run:BendingRun",
     metrics="dualbend.task.bending.metrics:metrics",
     peaks="dualbend.task.bending.metrics:peaks",
+    tolerances="dualbend.task.bending.tolerances:TOLERANCES",
     report="dualbend.task.bending.report:sections_of",
 )

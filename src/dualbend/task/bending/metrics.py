@@ -18,6 +18,7 @@ from dualbend.evaluation.peaks import common_peaks
 from dualbend.run.permanent_set import permanent_curvature
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.scenario import Scenario
+from dualbend.task.bending.config import misalignment_of
 from dualbend.types import Vector
 
 _SET_UNITS = {
@@ -71,7 +72,7 @@ def out_of_plane_columns(scenario: Scenario) -> dict[str, str]:
     Components in the sensing arm's bending frame: across the sheet, and about x (inward, twist) and
     z (up). Without misalignment they are rounding alone, and there are none.
     """
-    return {} if scenario.misalignment is None else _OUT_OF_PLANE
+    return {} if misalignment_of(scenario) is None else _OUT_OF_PLANE
 
 
 def _out_of_plane(result: RunRecord) -> dict[str, Metric]:
@@ -89,8 +90,8 @@ def permanent_set(result: RunRecord) -> dict[str, Metric]:
     if not kept.size:
         return {name: Metric(None, unit) for name, unit in _SET_UNITS.items()}
     last = np.abs(kept[-1])
-    strained = np.abs(result.trace.bends).max(axis=0) * sheet.strips.hinges / sheet.length_m
-    slope = float(abs(kept[-1].sum())) * sheet.length_m / sheet.strips.hinges / 2.0
+    strained = np.abs(result.trace.bends).max(axis=0) * sheet.model.sections / sheet.length_m
+    slope = float(abs(kept[-1].sum())) * sheet.length_m / sheet.model.sections / 2.0
     numbers = (float(last.max()), slope, float(strained[np.argmax(last)]))
     return {
         name: Metric(finite(number), unit)

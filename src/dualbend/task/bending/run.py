@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dualbend.control.compliance.admittance import Compliance
 from dualbend.run.known_sheet import make_admittance
 from dualbend.run.planar import PlanarRun
-from dualbend.scenario.misalignment import errors_over_time
 from dualbend.scenario.motion import nominal_motion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.simulation import Observation
+from dualbend.task.bending.config import errors_over_time, misalignment_of
 from dualbend.types import SIDES
 
 SPACE_COLUMNS = tuple(
@@ -31,7 +31,7 @@ class BendingRun(PlanarRun):
         compliance: Callable[[Scenario], Compliance] = make_admittance,
     ) -> None:
         motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
-        self._errors = errors_over_time(scenario.misalignment, motion)
+        self._errors = errors_over_time(misalignment_of(scenario), motion)
         if self._errors is not None:
             self.task_columns = SPACE_COLUMNS
         super().__init__(scenario, motion, compliance)

@@ -11,7 +11,7 @@ from dualbend.arm import mjcf as arm
 from dualbend.arm.model import ArmModel
 from dualbend.arm.pair import paper_pair
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
-from dualbend.control.filters import LowPass, LowPassConfig
+from dualbend.control.filters import LowPass, NoFilterConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,
     Sensor,
@@ -81,7 +81,7 @@ def wrench_chain(model: mujoco.MjModel, sensor: ForceTorqueConfig) -> WrenchChai
     return WrenchChain(
         Sensor(sensor, np.random.default_rng(_SEED)),
         ToolGravityCompensation(mass, centre),
-        LowPass(LowPassConfig(kind="none")),
+        LowPass(NoFilterConfig()),
         np.eye(3),
     )
 

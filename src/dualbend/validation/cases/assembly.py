@@ -9,6 +9,7 @@ import numpy as np
 from dualbend.errors import InputError
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
+from dualbend.task.assembly.config import assembly_of
 from dualbend.task.assembly.metrics import (
     OFFSET_BEYOND_CLEARANCE_M,
     RESTING_WITHIN_M,
@@ -48,8 +49,7 @@ def _refusal() -> Row:
 
 
 def _seated(name: str, result: RunRecord, holes: int) -> Iterator[Row]:
-    assembly = result.scenario.assembly
-    assert assembly is not None
+    assembly = assembly_of(result.scenario)
     yield absolute(f"{name}: holes seated", float(seated(result).sum()), holes, "1", 0.0)
     final = final_holes(result)
     allowed = 0.5 * assembly.layout.holes.clearance_m + OFFSET_BEYOND_CLEARANCE_M

@@ -120,7 +120,7 @@ def identify_response(
     target[direction] += DIRECTIONS[direction][1]
     seen = cell.command(target, _STEP_CYCLES)
     position = np.array([look.grip[0, _GRIP_PLANE[direction]] for look in seen])
-    return *fit_response(position, float(before)), cell.scenario.response
+    return *fit_response(position, float(before)), cell.scenario.robot.response
 
 
 def response_rows(settings: Sequence[str] = ()) -> Iterator[Row]:

@@ -141,7 +141,7 @@ def let_go(run: BendingRun) -> Vector:
     data.qvel[:] = 0.0
     mujoco.mj_step(model, data, nstep=round(_FREE_S / model.opt.timestep))
     sheet = run.scenario.sheet
-    return np.asarray(simulation.bending_angles * sheet.strips.hinges / sheet.length_m)
+    return np.asarray(simulation.bending_angles * sheet.model.sections / sheet.length_m)
 
 
 def run_springback() -> tuple[BendingRun, RunRecord]:
@@ -160,7 +160,7 @@ def bent_rows(result: RunRecord) -> Iterator[Row]:
     )
     sheet = config.sheet()
     rod = solve_plastic(sheet, alpha, -x, sheet.weight_per_length_n_per_m)
-    largest = np.abs(trace.bends[row]).max() * config.strips.hinges / config.length_m
+    largest = np.abs(trace.bends[row]).max() * config.model.sections / config.length_m
     for what, measured, wanted, unit, tolerance in (
         ("end force", -trace["left_true_force_x"][row], rod.end_force_n, "N", 0.01),
         ("end moment", trace["left_true_moment_y"][row], rod.end_moment_nm, "N m", 0.01),
@@ -180,7 +180,7 @@ def cell_rows() -> Iterator[Row]:
     predicted = np.abs(permanent_curvature(result)[-1])
     free = np.abs(let_go(run))
     i = int(np.argmax(free))
-    largest = np.abs(result.trace.bends[:, i]).max() * config.strips.hinges / config.length_m
+    largest = np.abs(result.trace.bends[:, i]).max() * config.model.sections / config.length_m
     theory = float(sheet.plasticity.residual(np.array([largest]), sheet.thickness_m)[0])
     yield relative(f"{SCENARIO} kept curvature", float(free[i]), theory, "1/m", 0.03)
     name = f"{SCENARIO} permanent_curvature of the summary, as let go"

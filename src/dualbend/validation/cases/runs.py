@@ -15,8 +15,8 @@ from dualbend.run.arms import arm_pair
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS
 from dualbend.scenario.load import list_scenarios, load_scenario
-from dualbend.scenario.path import make_path
 from dualbend.scene.cell import robots_only
+from dualbend.task.bending import BENDING
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Side, Vector
 from dualbend.validation.row import Row, absolute, at_least, at_most
@@ -34,7 +34,7 @@ def run_shipped() -> dict[str, RunRecord]:
     return {
         name: BendingRun(scenario).run()
         for name, scenario in shipped.items()
-        if scenario.assembly is None
+        if scenario.task.kind == BENDING.kind
     }
 
 
@@ -96,7 +96,7 @@ def moment_rows(fig6: RunRecord) -> Iterator[Row]:
     yield absolute(name.format("gripper"), moment_error(fig6, "grip"), 0.0, "1", 0.10)
     yield absolute(name.format("edge"), moment_error(fig6, "edge"), 0.0, "1", 0.03)
     alpha = fig6.trace["left_grip_alpha"][bending]
-    knots = make_path(fig6.scenario.path, fig6.scenario.sheet.length_m).knots[1:-1]
+    knots = fig6.scenario.path.make(fig6.scenario.sheet.length_m).knots[1:-1]
     at_knots = np.interp(knots, alpha, moment[bending], left=math.nan, right=math.nan)
     largest = float(np.max(np.abs(at_knots))) / first_peak(fig6)
     yield absolute("fig6 moment at inner knots / first peak", largest, 0.0, "1", 0.10)
@@ -139,7 +139,7 @@ def _largest_ratio(compliant_run: RunRecord, plain: list[float], compliant: list
     scenario = compliant_run.scenario
     axes = (scenario.compliance.x, scenario.compliance.rotation)
     start = min(axis.from_alpha_rad for axis in axes if axis is not None)
-    knots = make_path(scenario.path, scenario.sheet.length_m).knots
+    knots = scenario.path.make(scenario.sheet.length_m).knots
     pieces = [k for k in range(len(knots) - 1) if knots[k] >= start - 1e-9]
     if not pieces or max(pieces) >= min(len(plain), len(compliant)):
         return math.nan

@@ -20,6 +20,7 @@ from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
+from dualbend.task.bending.config import misalignment_of
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Vector
 from dualbend.validation.cases.ideal_grips import (
@@ -126,7 +127,7 @@ def twist_rows() -> Iterator[Row]:
 def misaligned_run(*settings: str) -> RunRecord:
     """Run the shipped experiment with errors of the right grip."""
     return BendingRun(
-        load_scenario("fig6", [f"misalignment.right.{setting}" for setting in settings])
+        load_scenario("fig6", [f"task.misalignment.right.{setting}" for setting in settings])
     ).run()
 
 
@@ -181,7 +182,7 @@ def flat_loads(result: RunRecord, row: int) -> Vector:
     Both pads are in series; the strips are rigid in the sheet's plane. The grips are where the
     trace says; dry friction in the joints may hold the arms or not.
     """
-    errors = result.scenario.misalignment
+    errors = misalignment_of(result.scenario)
     assert errors is not None
     left, right = edge_grips(result, row, "grip")
     lateral, _, yaw = errors.errors()[1]

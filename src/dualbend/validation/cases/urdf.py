@@ -41,7 +41,7 @@ def arm_rows(name: str) -> Iterator[Row]:
         No such arm, or it cannot do the experiment.
     """
     arm = arm_name(name, "--arm")
-    settings = (f'arm.model="{arm}"',)
+    settings = (f'robot.model="{arm}"',)
     # What refuses the arm comes first.
     ready = {name: BendingRun(load_scenario(name, settings)) for name in EXPERIMENTS}
     yield from validation_arm.table_rows() if arm == PUMA else model_rows(arm)

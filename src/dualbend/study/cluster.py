@@ -1,34 +1,39 @@
-"""A sweep's runs on a Dask cluster; a worker that is lost on the way costs time and no result."""
+"""Runs on a Dask cluster; a worker that is lost on the way costs time and no result."""
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping
+from concurrent.futures import Future
 from contextlib import closing
 from typing import TYPE_CHECKING
 
 from dualbend.errors import DualbendError, InputError
-from dualbend.scenario.scenario import Scenario
-from dualbend.study.sweep.row import RAISED, RunRow, result_versions
-from dualbend.study.sweep.run import RunOne, Runs, Task
+from dualbend.evaluation.metrics import versions
+from dualbend.study.engine import Arguments, Key, Lost, Place, Row, as_they_end
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
 EXTRA = "a cluster needs dask.distributed: pip install 'dualbend[dask]'"
 KILLED = "its workers died, one after the other"
 CONNECT_S = 10.0
 """How long to try to reach a scheduler."""
 
+_AT_ONCE = 10_000
+"""Runs that a scheduler is given ahead: more than any cluster works on."""
+
+_MAY_DIFFER = ("python", "rerun-sdk")
+
 _ONE_AT_A_TIME = threading.Lock()
 """MuJoCo's warning hook is of the process, whatever number of threads a worker has."""
 
 
-def on_cluster(address: str, on_note: Callable[[str], None] = lambda _: None) -> Runs:
-    """Return what makes the runs at a scheduler's address, ``tcp://HOST:PORT``.
+def on_cluster(address: str, on_note: Callable[[str], None] = lambda _: None) -> Place:
+    """Return what makes runs at a scheduler's address, ``tcp://HOST:PORT``.
 
-    ``on_note`` is told what the user should know while waiting.
+    ``on_note`` is called with what the user should know while waiting.
 
     Raises
     ------
@@ -37,15 +42,25 @@ def on_cluster(address: str, on_note: Callable[[str], None] = lambda _: None) ->
     """
     client = _connect(address)
 
-    def runs(tasks: Sequence[Task], run: RunOne) -> Generator[RunRow]:
+    def ended(
+        tasks: Mapping[Key, tuple[*Arguments]], run_one: Callable[[*Arguments], Row]
+    ) -> Generator[tuple[Key, Row | Lost]]:
         with closing(client):
-            if not tasks:
-                return
-            if not client.scheduler_info(n_workers=-1)["workers"]:
+            if tasks and not client.scheduler_info(n_workers=-1)["workers"]:
                 on_note(f"no workers at {address} yet: dask worker {address}")
-            yield from _rows(client, tasks, run)
+            # Not pure: the same scenario twice in a list is two runs.
+            executor = client.get_executor(pure=False)
+            expected = result_versions()
+            calls = {key: (expected, run_one, *task) for key, task in tasks.items()}
+            try:
+                for key, future in as_they_end(executor, calls, run_there, _AT_ONCE):
+                    row = _row(future)
+                    yield key, row
+            finally:
+                if client.status == "running":  # else there is nobody to ask
+                    executor.shutdown(wait=False)
 
-    return runs
+    return ended
 
 
 def _connect(address: str) -> Client:
@@ -64,37 +79,18 @@ def _connect(address: str) -> Client:
         ) from error
 
 
-def _rows(client: Client, tasks: Sequence[Task], run: RunOne) -> Generator[RunRow]:
-    from distributed import as_completed  # noqa: PLC0415 - an extra
-
-    expected = result_versions()
-    # Not pure: the same scenario twice in a list is two runs.
-    futures = {
-        client.submit(run_there, run, index, scenario, expected, pure=False): index
-        for index, scenario in tasks
-    }
-    try:
-        for future in as_completed(list(futures)):
-            yield _row(future, futures[future])
-            futures.pop(future)
-    finally:
-        if futures and client.status == "running":  # interrupted, or given up
-            client.cancel(list(futures))
-
-
-def _row(future: Future, index: int) -> RunRow:
+def _row(future: Future[Row]) -> Row | Lost:
     from distributed import KilledWorker  # noqa: PLC0415 - an extra
 
-    if future.status == "finished":
-        row: RunRow = future.result()
-        return row
-    if future.status != "error":
+    if future.cancelled():
         raise DualbendError(
             "the scheduler is gone; the runs that were done are kept, the same command goes on"
         )
     error = future.exception()
+    if error is None:
+        return future.result()
     if isinstance(error, KilledWorker):
-        return RunRow(index=index, outcome=RAISED, reason=KILLED)
+        return Lost(KILLED)
     if isinstance(error, DualbendError):
         raise error
     raise DualbendError(
@@ -103,7 +99,9 @@ def _row(future: Future, index: int) -> RunRow:
     )
 
 
-def run_there(run: RunOne, index: int, scenario: Scenario, expected: dict[str, str]) -> RunRow:
+def run_there(
+    expected: dict[str, str], run_one: Callable[[*Arguments], Row], *arguments: *Arguments
+) -> Row:
     """Make a run in a worker, in one thread; DualbendError where its versions are others."""
     found = result_versions()
     for name, version in expected.items():
@@ -115,4 +113,9 @@ def run_there(run: RunOne, index: int, scenario: Scenario, expected: dict[str, s
     from threadpoolctl import threadpool_limits  # noqa: PLC0415 - an extra
 
     with _ONE_AT_A_TIME, threadpool_limits(1):
-        return run(index, scenario)
+        return run_one(*arguments)
+
+
+def result_versions() -> dict[str, str]:
+    """Return the versions that must be the same wherever a study's runs are made."""
+    return {name: v for name, v in versions().items() if name not in _MAY_DIFFER}

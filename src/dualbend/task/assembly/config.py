@@ -1,4 +1,4 @@
-"""What an assembly's scenario says: the workplace, what is otherwise than believed, the limits."""
+"""The section of the task ``assembly``: workplace, errors that the robots do not know, limits."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ import msgspec
 
 from dualbend.beam.sheet import Sheet
 from dualbend.control.compliance.object import ObjectComplianceConfig
+from dualbend.errors import InputError
+from dualbend.scenario.motion import MotionConfig
+from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.sheet import SheetConfig
+from dualbend.scenario.task import TaskConfig
 from dualbend.scene.bed.config import LayoutConfig
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -126,11 +131,11 @@ class SpreadConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     )
 
 
-class AssemblyConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The workplace and how the robots go about it."""
+class AssemblyConfig(TaskConfig, frozen=True, kw_only=True, tag="assembly"):
+    """Lay sheets with holes over alignment pins: the workplace, and how the robots work there."""
 
     layout: LayoutConfig = LayoutConfig()
-    sheets: Annotated[int, msgspec.Meta(ge=1, le=10, description="of the book")] = 1
+    sheets: Annotated[int, msgspec.Meta(ge=1, le=10, description="of the stack")] = 1
     errors: ErrorsConfig = ErrorsConfig()
     spread: SpreadConfig = SpreadConfig()
     speeds: SpeedsConfig = SpeedsConfig()
@@ -149,11 +154,59 @@ class AssemblyConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
         float, msgspec.Meta(gt=0, le=600, description="to wait for a phase's end")
     ] = 10.0
 
-    def true_layout(self) -> LayoutConfig:
-        """Return the workplace with the friction that it really has."""
+    @property
+    def carried_share(self) -> float:
+        """One arm alone must be able to bear the sheet."""
+        return 1.0
+
+    @property
+    def laid_sheets(self) -> int:
+        """All sheets of the stack but the last one."""
+        return self.sheets - 1
+
+    @property
+    def workplace(self) -> LayoutConfig:
+        """The workplace with the friction that it really has."""
         factor, layout = self.errors.friction_factor, self.layout
         return msgspec.structs.replace(
             layout,
             pins=msgspec.structs.replace(layout.pins, friction=layout.pins.friction * factor),
             bed=msgspec.structs.replace(layout.bed, friction=layout.bed.friction * factor),
         )
+
+    def check(self, sheet: SheetConfig, motion: MotionConfig) -> None:
+        """Refuse a sheet that yields or has no holes, and a motion that goes back."""
+        if sheet.plastic:
+            raise InputError(
+                "sheet.plastic = true: an assembly ends where the sheet would yield; not both"
+            )
+        if sheet.model.kind == "shell":
+            raise InputError(
+                'sheet.model = "shell" has no holes and no contact: an assembly needs "strips"'
+            )
+        if motion.return_rad is not None:
+            raise InputError(
+                f"motion.return_rad = {motion.return_rad} is for a sheet that is bent between "
+                "two grips; an assembly lays it and does not go back"
+            )
+
+    def true_sheet(self, sheet: Sheet) -> Sheet:
+        """Return the sheet as it is."""
+        return self.errors.true_sheet(sheet)
+
+    def limit_strain(self, known: float | None, sheet: Sheet) -> float:
+        """Return the strain at the given yield strength, or the material's, or the default."""
+        given = self.limits.yield_pa
+        if given is None and known is not None:
+            return known
+        return (DEFAULT_YIELD_PA if given is None else given) / sheet.young_pa
+
+
+def assembly_of(scenario: Scenario) -> AssemblyConfig:
+    """Return the scenario's assembly; InputError where its task is another one."""
+    if not isinstance(scenario.task, AssemblyConfig):
+        raise InputError(
+            f"scenario {scenario.name!r}: task.kind = {scenario.task.kind!r}: this is of an "
+            'assembly, task.kind = "assembly"'
+        )
+    return scenario.task

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,18 +14,18 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from test_sweep import InProcess
 
 from dualbend.cli import main
 from dualbend.errors import DualbendError, InputError
-from dualbend.study.sweep import dask as sweep_dask
-from dualbend.study.sweep import run as sweep_module
-from dualbend.study.sweep.dask import KILLED, on_cluster, run_there
+from dualbend.study import cluster
+from dualbend.study.cluster import KILLED, on_cluster, result_versions, run_there
+from dualbend.study.engine import Lost
+from dualbend.study.processes import in_processes
 from dualbend.study.sweep.design import make_design
 from dualbend.study.sweep.file import load_sweep
 from dualbend.study.sweep.report import write_report
-from dualbend.study.sweep.row import result_versions, run_row
-from dualbend.study.sweep.run import locally, run_sweep
+from dualbend.study.sweep.row import RunRow, run_row
+from dualbend.study.sweep.run import run_sweep
 from dualbend.study.sweep.table import TABLE
 
 distributed = pytest.importorskip("distributed")
@@ -39,7 +40,7 @@ motion = { speed_rad_per_s = 0.5, settle_s = 0.2, hold_s = 0.2 }
 kind = "grid"
 [keys]
 compliance.x.b = { values = [5.0, 7.0, 9.0] }
-alter.delay_cycles = { values = [1, 2, 3, -1] }
+robot.alter.delay_cycles = { values = [1, 2, 3, -1] }
 """
 
 
@@ -72,8 +73,9 @@ def scheduler() -> Iterator[str]:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
+@pytest.mark.usefixtures("in_process")
 def test_a_cluster_that_loses_a_worker_makes_the_local_table(
-    scheduler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scheduler: str, tmp_path: Path
 ) -> None:
     """Analytic: byte for byte that of this process in one thread; refused runs are in it as well.
 
@@ -89,7 +91,7 @@ def test_a_cluster_that_loses_a_worker_makes_the_local_table(
         with distributed.Client(scheduler) as client:
             client.wait_for_workers(2, timeout=60)
 
-        def kill(done: int, total: int, outcome: str) -> None:
+        def kill(done: int, total: int, row: RunRow | None) -> None:
             # Three of the twelve are refused before any worker is asked.
             if done == 6:
                 first.send_signal(signal.SIGKILL)
@@ -101,9 +103,8 @@ def test_a_cluster_that_loses_a_worker_makes_the_local_table(
     write_report(sweep, design, rows, tmp_path / "dask")
     assert [row.outcome for row in rows] == [*3 * ["completed"], "refused"] * 3
 
-    monkeypatch.setattr(sweep_module, "ProcessPoolExecutor", InProcess)
     with threadpoolctl.threadpool_limits(1):
-        local = run_sweep(sweep, design, tmp_path / "local", locally(1))
+        local = run_sweep(sweep, design, tmp_path / "local", in_processes(1))
     write_report(sweep, design, local, tmp_path / "local")
     assert (tmp_path / "dask" / TABLE).read_bytes() == (tmp_path / "local" / TABLE).read_bytes()
 
@@ -112,7 +113,7 @@ def test_a_cluster_that_loses_a_worker_makes_the_local_table(
 def test_a_scheduler_that_does_not_answer_is_one_message(
     address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sweep_dask, "CONNECT_S", 0.5)
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
     (tmp_path / "s.toml").write_text(TEXT)
     result = CliRunner().invoke(main, ["sweep", str(tmp_path / "s.toml"), "--scheduler", address])
     assert result.exit_code == 2
@@ -126,21 +127,22 @@ def test_without_the_extra_it_is_said_how_to_install_it(monkeypatch: pytest.Monk
         on_cluster("tcp://127.0.0.1:8786")
 
 
-def future(status: str, error: Exception | None = None) -> Any:
-    return SimpleNamespace(status=status, exception=lambda: error)
+def ended(error: Exception) -> Future[Any]:
+    future: Future[Any] = Future()
+    future.set_exception(error)
+    return future
 
 
-def test_what_a_cluster_may_do_to_a_run_is_a_row_or_one_message() -> None:
+def test_what_a_cluster_may_do_to_a_run_is_lost_or_one_message() -> None:
     """Analytic: only a run that kills its workers is a row; it is kept from killing the next."""
     dead = SimpleNamespace(address="tcp://127.0.0.1:1")
-    killing = distributed.KilledWorker("run_there", dead, 3)
-    row = sweep_dask._row(future("error", killing), 5)
-    assert (row.index, row.outcome, row.reason) == (5, "error", KILLED)
-    for lost in ("cancelled", "lost"):
-        with pytest.raises(DualbendError, match=r"scheduler is gone.*the same command goes on"):
-            sweep_dask._row(future(lost), 5)
+    assert cluster._row(ended(distributed.KilledWorker("run_there", dead, 3))) == Lost(KILLED)
+    cancelled: Future[Any] = Future()
+    cancelled.cancel()
+    with pytest.raises(DualbendError, match=r"scheduler is gone.*the same command goes on"):
+        cluster._row(cancelled)
     with pytest.raises(DualbendError, match=r"ModuleNotFoundError: dualbend.*installed there"):
-        sweep_dask._row(future("error", ModuleNotFoundError("dualbend")), 5)
+        cluster._row(ended(ModuleNotFoundError("dualbend")))
 
 
 def test_a_worker_with_other_versions_makes_no_run(tmp_path: Path) -> None:
@@ -148,4 +150,4 @@ def test_a_worker_with_other_versions_makes_no_run(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(TEXT)
     expected = {**result_versions(), "mujoco": "3.9.0"}
     with pytest.raises(DualbendError, match=r"a worker has mujoco .*, this sweep 3\.9\.0"):
-        run_there(run_row, 0, load_sweep(tmp_path / "s.toml").resolve(), expected)
+        run_there(expected, run_row, 0, load_sweep(tmp_path / "s.toml").resolve())

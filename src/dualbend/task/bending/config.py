@@ -1,4 +1,4 @@
-"""Grips that hold the sheet wrong in space, by a small constant error.
+"""The section of the task ``bending``: grips may hold the sheet wrong in space.
 
 Each arm is where it should be; what is wrong is how the sheet's edge stands to the gripper: off
 across, rolled or yawed, because the sheet was taken so or the tool stands so on its flange. Path,
@@ -12,7 +12,11 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from dualbend.scenario.motion import NominalMotion
+from dualbend.errors import InputError
+from dualbend.scenario.motion import MotionConfig, NominalMotion
+from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.sheet import SheetConfig
+from dualbend.scenario.task import TaskConfig
 from dualbend.types import Vector
 
 SHORTEST_SETTLE_S = 0.25
@@ -46,6 +50,27 @@ class MisalignmentConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
         return np.array(
             [[getattr(side, name) for name in _ORDER] for side in (self.left, self.right)]
         )
+
+
+class BendingConfig(TaskConfig, frozen=True, kw_only=True, tag="bending"):
+    """Bend the sheet along the path between two grips, hold it, and maybe go back."""
+
+    misalignment: MisalignmentConfig | None = None
+
+    def check(self, sheet: SheetConfig, motion: MotionConfig) -> None:
+        """Refuse misalignment that would strike the sheet."""
+        del sheet
+        if self.misalignment is not None and motion.settle_s < SHORTEST_SETTLE_S:
+            raise InputError(
+                f"motion.settle_s = {motion.settle_s}: misalignment comes in while the arms "
+                f"settle and needs at least {SHORTEST_SETTLE_S} s"
+            )
+
+
+def misalignment_of(scenario: Scenario) -> MisalignmentConfig | None:
+    """Return the misalignment of the grips; None where there is none, or the task has none."""
+    task = scenario.task
+    return task.misalignment if isinstance(task, BendingConfig) else None
 
 
 def errors_over_time(config: MisalignmentConfig | None, motion: NominalMotion) -> Vector | None:

@@ -8,18 +8,19 @@ from collections.abc import Sequence
 
 import msgspec
 
-from dualbend.control.filters import LowPassConfig
+from dualbend.control.filters import FirConfig, IirConfig, LowPassConfig, NoFilterConfig
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.onset.bisection import bracketed
 from dualbend.study.onset.held import SingleAxis, oscillate
 from dualbend.study.onset.prediction import RayLoop
+from dualbend.table import Column, Table
 
 FILTERS: tuple[LowPassConfig, ...] = (
-    LowPassConfig(kind="none"),
-    LowPassConfig(kind="fir", taps=2),
-    LowPassConfig(kind="fir", taps=3),
-    LowPassConfig(kind="iir", order=2),
+    NoFilterConfig(),
+    FirConfig(taps=2),
+    FirConfig(taps=3),
+    IirConfig(order=2),
 )
 """None, two FIR and the Butterworth, at the 10 Hz of the paper."""
 
@@ -88,7 +89,20 @@ def _onset(ray: RayLoop, axis: SingleAxis, guess: float, part: float, *, frictio
 
 
 def _name(config: LowPassConfig) -> str:
-    if config.kind == "none":
+    if isinstance(config, NoFilterConfig):
         return "none"
-    size = f"{config.taps} taps" if config.kind == "fir" else f"order {config.order}"
+    size = f"{config.taps} taps" if isinstance(config, FirConfig) else f"order {config.order}"
     return f"{config.kind} {config.cutoff_hz:g} Hz, {size}"
+
+
+def table(cases: Sequence[FilterCase]) -> Table:
+    """Return a table of filters: the onset, and the gain lost against no filter."""
+    headings = ("filter", "b predicted", "b simulated", "gain lost, predicted", "simulated")
+    rows = [
+        (
+            *(case.name, case.predicted_b, case.simulated_b),
+            *(f"{100 * loss:.1f} %" for loss in (case.predicted_loss, case.simulated_loss)),
+        )
+        for case in cases
+    ]
+    return Table([Column(name) for name in headings], rows)

@@ -1,0 +1,1 @@
+"""What a low-pass filter costs of the stable gain."""

@@ -1,0 +1,31 @@
+"""How a run of a study ends: with a result, refused, or by an error that must not end the study."""
+
+from __future__ import annotations
+
+from dualbend.errors import DualbendError
+from dualbend.evaluation.metrics import WALL_CLOCK
+from dualbend.run.loop import Run
+from dualbend.run.record import Metric, RunRecord
+
+REFUSED, RAISED = "refused", "error"
+"""Outcomes beside those of a run: it cannot be made ready, or is broken."""
+
+
+def result_of(run: Run) -> RunRecord:
+    """Run to the end; KeyboardInterrupt where the user ended it: half a run is no result."""
+    result = run.run()
+    if result.reason.startswith("interrupted"):
+        raise KeyboardInterrupt
+    return result
+
+
+def metrics_of(result: RunRecord) -> dict[str, Metric]:
+    """Return the metrics of a run, without those of the machine."""
+    return {name: metric for name, metric in result.metrics.items() if name not in WALL_CLOCK}
+
+
+def outcome_of(error: Exception) -> tuple[str, str]:
+    """Return outcome and reason of a run that an exception ended."""
+    if isinstance(error, DualbendError):
+        return REFUSED, str(error)
+    return RAISED, f"{type(error).__name__}: {error}"

@@ -1,0 +1,110 @@
+"""Runs that take no time, importable by a worker process that is to start quickly."""
+
+import math
+import os
+import signal
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from dualbend.run.record import Metric
+from dualbend.scenario.load import load_scenario
+from dualbend.scenario.scenario import Scenario
+from dualbend.study.robustness.trial import Trial, trial
+from dualbend.study.sweep.row import RunRow
+from dualbend.task.assembly.draws import draw, misalignment, without_compliance
+
+PWB = load_scenario("pwb")
+CALLS = "DUALBEND_TEST_CALLS"
+"""Environment variable: the file to which each run adds its line."""
+
+
+class InProcess(Executor):
+    """Runs at once, where the processes are not what is tested: each takes a second to start."""
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        pass
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except BaseException as error:
+            future.set_exception(error)
+        return future
+
+
+class Row(msgspec.Struct, frozen=True):
+    """What a run of no study in particular comes to."""
+
+    index: int
+    said: str = "done"
+
+
+def plain(index: int) -> Row:
+    called(index)
+    return Row(index)
+
+
+def called(index: int) -> None:
+    if CALLS in os.environ:
+        with Path(os.environ[CALLS]).open("a", encoding="utf-8") as file:
+            file.write(f"{index} {os.environ.get('OMP_NUM_THREADS')}\n")
+
+
+def slow(index: int) -> Row:
+    time.sleep(0.0 if index < 2 else 60.0)
+    return plain(index)
+
+
+def deadly(index: int) -> Row:
+    """Run 3 kills its process, whenever it is tried."""
+    if index == 3:
+        called(index)
+        os._exit(1)
+    return plain(index)
+
+
+def unlucky(index: int) -> Row:
+    """Run 1's process is killed once."""
+    mark = Path(os.environ[CALLS]).with_suffix(".killed")
+    if index == 1 and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return plain(index)
+
+
+def never(index: int, *_: object) -> Any:
+    raise AssertionError(f"run {index} is done already")
+
+
+def a_sweeps_run(index: int, scenario: Scenario) -> RunRow:
+    """Two numbers of the scenario's, one of each piece; above a stiffness a protective stop."""
+    called(index)
+    b, length = scenario.compliance.x.b if scenario.compliance.x else 0.0, scenario.sheet.length_m
+    pieces = [math.sin(b), None, b * length][: 2 + index % 2]
+    metrics = {
+        "peak_moment": Metric(b**2 / length, "N m"),
+        "peak_force": Metric(None if b > 8.0 else b, "N"),
+        "peak_moment_by_piece": Metric(pieces, "N m"),
+        "seed": Metric(float(scenario.seed), "1"),
+    }
+    if b > 8.0:
+        return RunRow(index=index, outcome="protective_stop", reason="b is 8", metrics=metrics)
+    return RunRow(index=index, outcome="completed", metrics=metrics)
+
+
+def a_trial(scenario: Scenario, seed: int, index: int, compliance: bool) -> Trial:
+    """Succeed below a misalignment that compliance makes larger, as a real run might."""
+    called(index)
+    drawn = draw(scenario, seed, index)
+    drawn = drawn if compliance else without_compliance(drawn)
+    worst = misalignment(drawn)
+    success = worst < (1.0e-3 if compliance else 0.3e-3)
+    ended = {"outcome": "completed"} if success else {"outcome": "aborted", "phase": "seat middle"}
+    force = (1.0 if compliance else 4.0) * 1e3 * worst
+    return trial(drawn, index, success=success, peak_pin_force_n=force, **ended)
