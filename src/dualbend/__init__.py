@@ -7,7 +7,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dualbend.control.compliance.admittance import Deviation
+    from dualbend.control.controller import Observation
     from dualbend.errors import InputError
     from dualbend.evaluation.metrics import summary
     from dualbend.report.results import write_results
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BendingRun",
-    "Deviation",
     "InputError",
+    "Observation",
     "load_run",
     "load_scenario",
     "make_run",
@@ -29,8 +29,8 @@ __all__ = [
 
 _HOMES = {
     "BendingRun": "task.bending.run",
-    "Deviation": "control.compliance.admittance",
     "InputError": "errors",
+    "Observation": "control.controller",
     "load_run": "run.saved",
     "load_scenario": "scenario.load",
     "make_run": "run.make",

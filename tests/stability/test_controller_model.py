@@ -10,6 +10,7 @@ from dualbend.run.known_sheet import known_sheet
 from dualbend.scenario.load import load_scenario
 from dualbend.stability.margins import Sweep, loop_margins
 from dualbend.stability.sampled import LoopElements, SampledLoop
+from dualbend.types import PlanarPose
 
 ALPHA_RAD = 0.3
 
@@ -27,16 +28,16 @@ def test_a_stream_of_calls_equals_the_state_space(axes: tuple[bool, bool]) -> No
     assert isinstance(admittance, ModelAdmittance)
     blocks = loop._model
     assert blocks is not None
-    known, pose = known_sheet(scenario), np.array([-0.19, 0.7, ALPHA_RAD])
+    known, pose = known_sheet(scenario), PlanarPose(np.array([-0.19, 0.7, ALPHA_RAD]))
     point = admittance.point(ALPHA_RAD)
     rng, state = np.random.default_rng(1), np.zeros(blocks.a.shape[0])
     for _ in range(80):
         load = rng.standard_normal(2) * [0.01, 0.0005]
         force_x = float(point.reference[0] + load[0])
-        out = admittance.comply(force_x, known.force_z_n, float(load[1]), pose)
+        out = admittance.comply(np.array([force_x, known.force_z_n, load[1]]), pose)
         expected = blocks.c @ state + blocks.d @ load
         state = blocks.a @ state + blocks.b @ load
-        assert [out.dx_m, out.dalpha_rad] == pytest.approx(expected.tolist(), rel=1e-8, abs=1e-15)
+        assert out == pytest.approx(expected.tolist(), rel=1e-8, abs=1e-15)
 
 
 def test_a_predictor_with_the_right_model_has_at_least_6_db_and_60_degrees() -> None:

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from dualbend.beam import elastica
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.response import CommandResponse
 from dualbend.control.servo import JointServo
 from dualbend.run.arms import arm_pair, joint_stiffness
@@ -58,7 +58,12 @@ class RobotCell:
             config.strips if self._shell is None else ShellModel(model, self.sheet, self._shell),
             latency_steps=scenario.sensor.latency_steps(step_s),
         )
-        self.response = CommandResponse(scenario.response, len(self.home), steps_per_cycle(step_s))
+        self.response = CommandResponse(
+            scenario.response,
+            len(self.home),
+            steps_per_cycle(step_s, COMMAND_PERIOD_S),
+            period_s=COMMAND_PERIOD_S,
+        )
 
     def _compose(self, *, looks: bool) -> mujoco.MjSpec:
         scenario = self.scenario

@@ -16,9 +16,10 @@ from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import sheet_tangent, solve_grips
 from dualbend.beam.sheet import Sheet
 from dualbend.control.alter import AlterConfig
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.control.compliance.model import ModelAdmittance
+from dualbend.control.compliance.pair import PairCompliance
 from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.compliance.schedule import KnownSheet
 from dualbend.errors import InputError
@@ -40,24 +41,39 @@ _PRESSED = np.array([3.0, 2.0, 1.4, 1.0, 0.7, 0.4, 0.2, 0.1, 0.04, 0.0, -0.02, -
 _NEWTON_STEPS, _LARGEST_STEP_M, _ZERO_NM = 30, 2e-4, 1e-9
 
 
-def make_admittance(scenario: Scenario) -> Admittance:
-    """Return the admittance of one arm: the paper's, or the one with a model.
+def make_compliance(scenario: Scenario) -> PairCompliance:
+    """Return the scenario's own controller of both arms.
+
+    Raises InputError where the states of its model are not found or out of reach.
+    """
+    sensing, complying = (
+        [i for i, side in enumerate(SIDES) if side in sides]
+        for sides in (scenario.arms.sensing, scenario.arms.complying)
+    )
+    admittance = make_admittance(scenario, (len(sensing),))
+    return PairCompliance(admittance, sensing=sensing, complying=complying)
+
+
+def make_admittance(scenario: Scenario, shape: tuple[int, ...] = ()) -> Admittance:
+    """Return the admittance of one arm or of a leading shape: the paper's, or that with a model.
 
     Raises InputError where the model's states are not found or out of reach.
     """
     config = scenario.compliance
     if not config.modelled:
-        return Admittance(config)
+        return Admittance(config, period_s=COMMAND_PERIOD_S, shape=shape)
     step_s = scenario.physics.step_s
     models = [
         ResponseModel(
             response=scenario.response,
             low_pass=scenario.filter,
             delay_cycles=delay_cycles,
-            steps=steps_per_cycle(step_s),
+            steps=steps_per_cycle(step_s, COMMAND_PERIOD_S),
             # As in scene.simulation: the force that acts during a step is known when it is done.
             age_steps=max(scenario.sensor.latency_steps(step_s), 1),
             channels=channels,
+            period_s=COMMAND_PERIOD_S,
+            shape=shape,
         )
         for delay_cycles, channels in ((scenario.alter.delay_cycles, 2), (0, 3))
     ]
@@ -67,6 +83,8 @@ def make_admittance(scenario: Scenario) -> Admittance:
         response=scenario.response,
         own=models[0],
         nominal=models[1],
+        period_s=COMMAND_PERIOD_S,
+        shape=shape,
     )
 
 

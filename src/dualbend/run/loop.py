@@ -9,18 +9,21 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from dualbend.control.alter import PlanarPathModification
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import Compliance
-from dualbend.control.controller import Command, ComplianceController
-from dualbend.control.delay import TransportDelay
+from dualbend.control.controller import Command, ControlledPath, Controller
+from dualbend.control.controller import Observation as Observed
 from dualbend.control.filters import LowPass
-from dualbend.control.force_torque import Sensor, ToolGravityCompensation, WrenchChain
+from dualbend.control.force_torque import (
+    Sensor,
+    ToolGravityCompensation,
+    WrenchChain,
+    WrenchReading,
+)
 from dualbend.control.guard import Guard, ProtectiveStop
-from dualbend.control.reading import Reading
+from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError
 from dualbend.run.cell import RobotCell
-from dualbend.run.known_sheet import make_admittance
+from dualbend.run.known_sheet import make_compliance
 from dualbend.run.outcome import TaskStopped
 from dualbend.run.trace import Trace
 from dualbend.scenario.scenario import Scenario
@@ -68,7 +71,7 @@ class Run:
     foreseen: Vector
     """Joint angles (k, n) of the poses that were tried before the run."""
     task_columns: tuple[tuple[str, str], ...] = ()
-    compliance: Callable[[Scenario], Compliance] = staticmethod(make_admittance)
+    compliance: Callable[[Scenario], Controller] = staticmethod(make_compliance)
 
     def __init__(self, scenario: Scenario, cell: RobotCell) -> None:
         self.scenario, self.cell = scenario, cell
@@ -83,7 +86,7 @@ class Run:
         """Put the cell where the run begins."""
         raise NotImplementedError
 
-    def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
+    def _loop(self, sensors: WristSensors, path: ControlledPath, cycle: Cycle) -> None:
         """Run to the end, one :meth:`Cycle.observe` and :meth:`Cycle.send` after the other."""
         raise NotImplementedError
 
@@ -94,10 +97,15 @@ class Run:
         """
         # Anew for each run: filters, delays and noise streams have a memory.
         simulation = self.cell.simulation
-        controller = make_controller(self.scenario, simulation.model, self.compliance)
+        sensors = make_sensors(self.scenario, simulation.model)
+        path = ControlledPath(
+            self.compliance(self.scenario),
+            delay_cycles=self.scenario.alter.delay_cycles,
+            mode=self.scenario.alter.mode,
+        )
         trace = Trace(
             self.cycles,
-            list(controller.chains),
+            sensors.arms,
             simulation.model.nq,
             self.scenario.sheet.sections,
             simulation.joints,
@@ -118,7 +126,7 @@ class Run:
         try:
             with warnings_counted_only():
                 cycle.sample = self.start()
-                self._loop(controller, cycle)
+                self._loop(sensors, path, cycle)
                 refuse_warnings(simulation.data)
         except ProtectiveStop as stop:
             outcome, reason = "protective_stop", str(stop)
@@ -141,7 +149,7 @@ class Run:
             bend_stiffness=simulation.bend_stiffness,
             simulated_s=float(simulation.data.time),
             wall_time_s=wall_time_s,
-            controller="" if self.compliance is make_admittance else _name_of(self.compliance),
+            controller="" if self.compliance is make_compliance else _name_of(self.compliance),
             laid=tuple(self.laid),
         )
 
@@ -202,7 +210,9 @@ class Cycle:
         self._guard.check(seen.q, seen.speed, seen.torque, self._cell.response.position)
         return seen
 
-    def send(self, targets: Targets, readings: dict[int, Reading], command: Command) -> None:
+    def send(
+        self, targets: Targets, reading: WrenchReading, observation: Observed, command: Command
+    ) -> None:
         """Command both grips' poses in the world and run the physics to the next cycle."""
         ik = self._cell.ik
         solution = ik.solve(targets, 2.0 * self._q - self._previous)
@@ -210,39 +220,27 @@ class Cycle:
             raise ProtectiveStop(f"commanded {ik.describe_miss(solution)}")
         self._previous, self._q = self._q, solution.q
         self.sample = self._cell.send(self._q)
-        self.trace.act(readings, command, solution, time.perf_counter() - self._began)
+        self.trace.act(reading, observation, command, solution, time.perf_counter() - self._began)
         if self._on_cycle is not None:
             self._on_cycle(self.trace.rows)
 
 
-def _name_of(made_by: Callable[[Scenario], Compliance]) -> str:
+def _name_of(made_by: Callable[[Scenario], Controller]) -> str:
     """Return module and name of a class or function, the class's name of anything else."""
     named = made_by if hasattr(made_by, "__qualname__") else type(made_by)
     return f"{named.__module__}.{named.__qualname__}"
 
 
-def make_controller(
-    scenario: Scenario, model: mujoco.MjModel, compliance: Callable[[Scenario], Compliance]
-) -> ComplianceController:
-    """Return the controller of both arms, each sensor with a noise stream of its own."""
+def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
+    """Return the wrist sensors of the sensing arms, each with a noise stream of its own."""
     streams = np.random.SeedSequence(scenario.seed).spawn(len(SIDES))
-    chains = {}
-    for i, side in enumerate(SIDES):
-        if side in scenario.arms.sensing:
-            mass, centre = tool_mass_and_centre(model, side)
-            chains[i] = WrenchChain(
-                Sensor(scenario.sensor, np.random.default_rng(streams[i])),
-                ToolGravityCompensation(mass, centre),
-                LowPass(scenario.filter),
-                np.eye(3),
-            )
-    return ComplianceController(
-        chains=chains,
-        admittances={i: compliance(scenario) for i in chains},
-        complying=[SIDES.index(side) for side in scenario.arms.complying],
-        delay=TransportDelay(scenario.alter.delay_cycles, 2 * len(SIDES)),
-        modifications=(
-            PlanarPathModification(scenario.alter.mode),
-            PlanarPathModification(scenario.alter.mode),
-        ),
+    arms = [i for i, side in enumerate(SIDES) if side in scenario.arms.sensing]
+    shape = (len(arms),)
+    tools = [tool_mass_and_centre(model, SIDES[i]) for i in arms]
+    chain = WrenchChain(
+        Sensor(scenario.sensor, [np.random.default_rng(streams[i]) for i in arms], shape),
+        ToolGravityCompensation([mass for mass, _ in tools], [centre for _, centre in tools]),
+        LowPass(scenario.filter, period_s=COMMAND_PERIOD_S, shape=shape),
+        np.eye(3),
     )
+    return WristSensors(chain, arms)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from dualbend.arm.catalog import ArmName
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.types import Side
 
 Outcome = Literal["completed", "aborted", "protective_stop", "failed"]
@@ -62,7 +62,7 @@ class PhysicsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
     def __post_init__(self) -> None:
         """Refuse a step that does not divide the command period."""
-        steps_per_cycle(self.step_s)
+        steps_per_cycle(self.step_s, COMMAND_PERIOD_S)
 
 
 class ExpectConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -11,6 +11,7 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
 from dualbend.control.compliance.model import ModelAdmittance, ModelPoint
 from dualbend.control.filters import LowPass
@@ -127,7 +128,7 @@ def plain_admittance(admittance: ModelAdmittance, alpha_rad: float) -> Admittanc
     """
     config = admittance.config
     if config.schedule is None:
-        return Admittance(_without_model(config))
+        return Admittance(_without_model(config), period_s=COMMAND_PERIOD_S)
     stiffness = np.diag(admittance.point(alpha_rad).stiffness)
 
     def scaled(axis: AxisConfig | None, by: float) -> AxisConfig | None:
@@ -141,7 +142,8 @@ def plain_admittance(admittance: ModelAdmittance, alpha_rad: float) -> Admittanc
             units="si",
             x=scaled(config.x, float(stiffness[0])),
             rotation=scaled(config.rotation, float(stiffness[1])),
-        )
+        ),
+        period_s=COMMAND_PERIOD_S,
     )
 
 

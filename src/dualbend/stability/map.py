@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
@@ -173,7 +174,9 @@ def _filters(
             b=given.b * float(along_b[first]),
             k=given.k * float(along_k[first + diagonal]),
         )
-        filters = Admittance(msgspec.structs.replace(config, **{axis: changed}))
+        filters = Admittance(
+            msgspec.structs.replace(config, **{axis: changed}), period_s=COMMAND_PERIOD_S
+        )
         part = filters.x if axis == "x" else filters.rotation
         assert part is not None
         gains[rows, rows + diagonal] = part.gain * along_b[first] / along_b[rows]

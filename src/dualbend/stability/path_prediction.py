@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from dualbend.beam.rod.tangent import sheet_wrench
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.filters import LowPass, LowPassConfig
@@ -23,7 +23,7 @@ from dualbend.scenario.motion import PHASES, nominal_motion
 from dualbend.scenario.path import make_path
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.plant.equilibrium import rest
-from dualbend.types import Vector
+from dualbend.types import PlanarPose, Vector
 
 _EVERY = 4
 """Cycles between two solved states of the sheet."""
@@ -56,9 +56,10 @@ class PathPrediction:
             response=self.scenario.response,
             low_pass=LowPassConfig(kind="none"),
             delay_cycles=delay_cycles,
-            steps=steps_per_cycle(self.scenario.physics.step_s),
+            steps=steps_per_cycle(self.scenario.physics.step_s, COMMAND_PERIOD_S),
             age_steps=age_steps,
             channels=channels,
+            period_s=COMMAND_PERIOD_S,
         )
 
     def _nominal_motion(self, age_steps: int) -> Vector:
@@ -113,8 +114,8 @@ class PathPrediction:
         delay, lever = self.scenario.alter.delay_cycles, self.scenario.sensor.lever_arm_m
         now = self._model(delay_cycles=delay, channels=2, age_steps=1)
         read = self._model(delay_cycles=delay, channels=2, age_steps=self._age_steps)
-        low_pass = LowPass(self.scenario.filter, 3)
-        ago = self._age_steps / steps_per_cycle(self.scenario.physics.step_s)
+        low_pass = LowPass(self.scenario.filter, 3, period_s=COMMAND_PERIOD_S)
+        ago = self._age_steps / steps_per_cycle(self.scenario.physics.step_s, COMMAND_PERIOD_S)
         moments = np.empty(len(self._pose))
         for n, pose in enumerate(self._pose):
             alpha = float(self._read[n, 2])
@@ -134,9 +135,7 @@ class PathPrediction:
             wrench = sheet - inertia @ (self._read[n, 3:] + sent @ acceleration) + error
             if n == 0:
                 low_pass.reset(wrench)
-            filtered = low_pass.update(wrench).tolist()
-            out = admittance.comply(filtered[0], filtered[1], filtered[2], pose)
-            deviation = np.array([out.dx_m, out.dalpha_rad])
+            deviation = admittance.comply(low_pass.update(wrench), PlanarPose(pose))
             now.send(deviation)
             read.send(deviation)
         return moments

@@ -59,8 +59,13 @@ class LoopElements:
         """Build the elements from the configurations that the run builds them from."""
         step_s = scenario.physics.step_s
         return cls(
-            response=CommandResponse(scenario.response, 1, steps_per_cycle(step_s)),
-            low_pass=LowPass(scenario.filter, 1),
+            response=CommandResponse(
+                scenario.response,
+                1,
+                steps_per_cycle(step_s, COMMAND_PERIOD_S),
+                period_s=COMMAND_PERIOD_S,
+            ),
+            low_pass=LowPass(scenario.filter, 1, period_s=COMMAND_PERIOD_S),
             delay=TransportDelay(scenario.alter.delay_cycles, 1),
             admittance=make_admittance(scenario),
             # As in scene.simulation: the force that acts during a step is known when it is done.

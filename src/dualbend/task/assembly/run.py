@@ -13,11 +13,13 @@ from dualbend.control.compliance.object import (
     ObjectAdmittance,
     ObjectComplianceConfig,
     critical_rate,
+    net_wrench,
 )
-from dualbend.control.controller import ComplianceController
+from dualbend.control.controller import ControlledPath, Observation
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
-from dualbend.control.reading import Reading, net_wrench, vertical_force
+from dualbend.control.force_torque import WrenchReading
+from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError
 from dualbend.planning.plan import AssemblyPlan, plan_assembly
 from dualbend.run.arm_load import refuse_overload
@@ -38,7 +40,7 @@ from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyTask
 from dualbend.task.assembly.stiffness import object_stiffness
 from dualbend.task.assembly.workplace import check_workplace
-from dualbend.types import SIDES, Side, Vector
+from dualbend.types import SIDES, PlanarPose, Side, Vector
 
 LONGEST_S = 180.0
 """A sheet is laid within this, or the run is given up."""
@@ -227,12 +229,12 @@ class AssemblyRun(Run):
         """Return the stiffness over damping [1/s] that gives the loop the margin asked for."""
         scenario, step_s = self.scenario, self.scenario.physics.step_s
         elements = [
-            LowPass(scenario.filter).transfer_function(),
+            LowPass(scenario.filter, period_s=COMMAND_PERIOD_S).transfer_function(),
             TransportDelay(scenario.alter.delay_cycles, 1).transfer_function(),
             self.cell.response.transfer_function(),
         ]
         age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
-        return critical_rate(elements, age) / compliance.gain_margin
+        return critical_rate(elements, age, COMMAND_PERIOD_S) / compliance.gain_margin
 
     def _stiffness(self, cell: RobotCell) -> Vector:
         """Return what the compliance works against along x, y and about z, at each of `BENDS`.
@@ -251,10 +253,12 @@ class AssemblyRun(Run):
             found.append(np.diag(object_stiffness(cell, q, posture.alpha, pinned)))
         return np.array(found)
 
-    def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
+    def _loop(self, sensors: WristSensors, path: ControlledPath, cycle: Cycle) -> None:
         compliance = self.config.compliance
         admittance = (
-            None if compliance is None else ObjectAdmittance(compliance, BENDS, self._mobility)
+            None
+            if compliance is None
+            else ObjectAdmittance(compliance, BENDS, self._mobility, period_s=COMMAND_PERIOD_S)
         )
         delay = TransportDelay(self.scenario.alter.delay_cycles, 3)
         task = self._make_task()
@@ -272,9 +276,9 @@ class AssemblyRun(Run):
             place = _place(goal.posture)
             seen = cycle.observe(goal.phase, np.array([alpha, -x, place[2] + rise]))
             sample = cycle.sample
-            readings = controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
-            net = net_wrench(readings, -x, alpha, float(place[3]))
-            deviation = np.zeros(3)
+            reading = sensors.read(sample.wrench, sample.rotation)
+            net = net_wrench(reading.filtered, -x, alpha, float(place[3]))
+            deviation: Vector = np.zeros(3)
             if admittance is not None:
                 if goal.bend is not None:
                     admittance.update(task.contact_wrench(net), goal.bend, goal.seeking)
@@ -283,15 +287,23 @@ class AssemblyRun(Run):
                 deviation = admittance.deviation
             self._note(cycle, goal, task.laid, deviation, net)
             moved = place + delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
-            command = controller.command(readings, x, rise, alpha)
+            observation = Observation.of(
+                reading,
+                time_s=(cycle.trace.rows - 1) * COMMAND_PERIOD_S,
+                phase=PHASES[goal.phase],
+                joints_rad=seen.q,
+                measured=PlanarPose(seen.grip[:, [0, 2, 3]]),
+                nominal=PlanarPose(np.array([[x, rise, alpha]] * 2)),
+            )
+            command = path.command(observation)
             self.grippers.drive(goal.posture.opening)
-            targets = carried_targets(command.pose, moved)
+            targets = carried_targets(command.pose.coordinates, moved)
             error = _error(targets, seen.grip[:, :3])
-            cycle.send(targets, readings, command)
+            cycle.send(targets, reading, observation, command)
             self.grippers.update()
             sensed = Sensed(
                 net=net,
-                vertical=_vertical(readings, alpha),
+                vertical=_vertical(reading, alpha),
                 gap=self.grippers.gap_m,
                 error_m=error,
             )
@@ -344,12 +356,9 @@ def _place(posture: Posture) -> Vector:
     return np.array([posture.x, posture.y, posture.z, posture.yaw])
 
 
-def _vertical(readings: dict[int, Reading], alpha: float) -> Vector:
-    """Return the force on each arm along the vertical (2,) [N], filtered."""
-    force = np.zeros(len(SIDES))
-    for i, reading in readings.items():
-        force[i] = vertical_force(reading.sample.filtered_force_grip_n, alpha)
-    return force
+def _vertical(reading: WrenchReading, alpha: float) -> Vector:
+    """Return the force on each arm along the vertical (2,) [N], filtered; 0 without a sensor."""
+    return np.nan_to_num(reading.filtered.in_bending_frame(np.full(2, alpha)).force_n[:, 2])
 
 
 def _error(targets: Targets, grip: Vector) -> float:

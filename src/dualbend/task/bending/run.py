@@ -7,13 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import Compliance
-from dualbend.control.controller import ComplianceController
+from dualbend.control.controller import ControlledPath, Controller, Observation
+from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError
 from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.cell import RobotCell
-from dualbend.run.known_sheet import make_admittance
+from dualbend.run.known_sheet import make_compliance
 from dualbend.run.loop import Cycle, Run
 from dualbend.scenario.misalignment import errors_over_time
 from dualbend.scenario.motion import PHASES, nominal_motion
@@ -21,7 +21,7 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.scene.ik import grip_targets
 from dualbend.scene.simulation import SensorSample
 from dualbend.scene.warnings import SimulationFailed
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, PlanarPose, Vector
 
 _SNAPPED_SAG_M, _SNAPPED_FROM_RAD = -1e-3, 0.1
 """A sheet bent this far sags by centimetres: a middle this much above its ends is another shape."""
@@ -48,8 +48,8 @@ class BendingRun(Run):
     scenario
         Says everything about the run.
     compliance
-        Makes what takes the place of the scenario's ``[compliance]``, anew for each sensing arm
-        and run: it may have a memory. The result and its summary name it.
+        Makes what takes the place of the scenario's ``[compliance]``, once for each run: it may
+        have a memory. The result and its summary name it.
 
     Raises
     ------
@@ -62,7 +62,7 @@ class BendingRun(Run):
     def __init__(
         self,
         scenario: Scenario,
-        compliance: Callable[[Scenario], Compliance] = make_admittance,
+        compliance: Callable[[Scenario], Controller] = make_compliance,
     ) -> None:
         self.compliance = compliance
         scenario = with_placements(scenario)
@@ -128,7 +128,7 @@ class BendingRun(Run):
                 f"at most {slower:.2f} rad/s of bending here"
             )
 
-    def _loop(self, controller: ComplianceController, cycle: Cycle) -> None:
+    def _loop(self, sensors: WristSensors, path: ControlledPath, cycle: Cycle) -> None:
         for n in range(self.motion.cycles):
             x, z, alpha = self._nominal_pose(n).tolist()
             seen = cycle.observe(int(self.motion.phase[n]), np.array([alpha, -x, z]))
@@ -137,9 +137,17 @@ class BendingRun(Run):
                 self.trace.note(self.cell.simulation.roll_and_yaw().ravel().tolist())
                 self.cell.simulation.displace_grasps(self._errors[n])
             sample = cycle.sample
-            readings = controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
-            command = controller.command(readings, x, z, alpha)
-            cycle.send(grip_targets(command.pose), readings, command)
+            reading = sensors.read(sample.wrench, sample.rotation)
+            observation = Observation.of(
+                reading,
+                time_s=n * COMMAND_PERIOD_S,
+                phase=PHASES[self.motion.phase[n]],
+                joints_rad=seen.q,
+                measured=PlanarPose(seen.grip[:, [0, 2, 3]]),
+                nominal=PlanarPose(np.array([[x, z, alpha]] * 2)),
+            )
+            command = path.command(observation)
+            cycle.send(grip_targets(command.pose.coordinates), reading, observation, command)
 
 
 def refuse_snapped(sag_m: float, alpha_rad: float) -> None:
