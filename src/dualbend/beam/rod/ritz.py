@@ -102,13 +102,11 @@ class Clamps:
 
     def towards(self, other: "Clamps", part: float) -> "Clamps":
         """Return the clamps a part (0..1) of the way to another."""
-        rest = 1.0 - part
-        return Clamps(
-            slope_left=rest * self.slope_left + part * other.slope_left,
-            slope_right=rest * self.slope_right + part * other.slope_right,
-            shortening=rest * self.shortening + part * other.shortening,
-            climb=rest * self.climb + part * other.climb,
-        )
+        mixed = {
+            name: (1.0 - part) * value + part * getattr(other, name)
+            for name, value in vars(self).items()
+        }
+        return Clamps(**mixed)
 
 
 @dataclass(frozen=True, kw_only=True)
