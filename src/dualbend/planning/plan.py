@@ -128,12 +128,8 @@ def plan_assembly(
     margin_m [m] is kept between the outer holes and the tips of their pins, yield_strain and
     min_half_distance_m [m] (of the grips, where the grippers touch) end the range. The angle
     recommended lies at ``share`` of the range: its lower part, because the lift above the pins
-    grows as α while the free play of the middle pair is lost as α².
-
-    Raises
-    ------
-    InputError
-        The layout has no range; the message says what is missing and what would do.
+    grows as α while the free play of the middle pair is lost as α². Raises InputError where the
+    layout has no range, with what is missing and what would do.
     """
     for name, value, top in (
         ("margin_m", margin_m, math.inf),

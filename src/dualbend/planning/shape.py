@@ -83,12 +83,8 @@ def hang(sheet: Sheet, alpha: float, *, weight: bool = True) -> HangingSheet:
     (beam.rod.planar.solve_symmetric). Without it, and below LOWEST_RAD, they are those of the
     closed form: there a hanging sheet that cannot stretch would be taut (P → −∞ as 1/α), but this
     one lies on a bed. For 0.5 mm aluminium of 0.4 m the weight lowers the holes against the middle
-    by 0.02 mm and takes 1 % off their approach at 0.13 rad.
-
-    Raises
-    ------
-    InputError
-        α lies outside [0, HIGHEST_RAD], or the reference solution finds no state.
+    by 0.02 mm and takes 1 % off their approach at 0.13 rad. Raises InputError where α lies outside
+    [0, HIGHEST_RAD], or the reference solution finds no state.
     """
     within("end slope α [rad]", alpha, 0.0, HIGHEST_RAD)
     if weight and alpha >= LOWEST_RAD:

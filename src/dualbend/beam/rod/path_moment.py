@@ -50,8 +50,10 @@ def worst_moment(
     within("alpha_range [rad]", np.array([start, end]), path.knots[0], path.knots[-1])
     inner = path.knots[(path.knots > start) & (path.knots < end)]
     edges = np.concatenate([[start], inner, [end]])
+    q = sheet.weight_per_length_n_per_m if weight else 0.0
+    axial = sheet.axial_stiffness_n if stretch else None
     pieces = [
-        _peak(path, sheet, np.linspace(a, b, _SAMPLES).tolist(), weight=weight, stretch=stretch)
+        _peak(path, sheet, np.linspace(a, b, _SAMPLES).tolist(), q, axial)
         for a, b in itertools.pairwise(edges)
     ]
     moments, alphas, unsolved = (np.array(column) for column in zip(*pieces, strict=True))
@@ -65,11 +67,9 @@ def worst_moment(
 
 
 def _peak(
-    path: BendingPath, sheet: Sheet, alphas: list[float], *, weight: bool, stretch: bool
+    path: BendingPath, sheet: Sheet, alphas: list[float], q: float, axial: float | None
 ) -> tuple[float, float, int]:
     """Return the largest |M| between two end slopes, its α, and the number of unsolved points."""
-    q = sheet.weight_per_length_n_per_m if weight else 0.0
-    axial = sheet.axial_stiffness_n if stretch else None
     EI, L = sheet.bending_stiffness_nm2, sheet.length_m
     states = rod.follow_symmetric(EI, L, [(a, path.at(a)[0]) for a in alphas], q, None, axial)
     moments = [abs(s.end_moment_nm) if s.converged else -1.0 for s in states]
