@@ -11,7 +11,7 @@ from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 from dualbend.planning.geometry import hole_play, lowest_rim, tip_guides
 from dualbend.planning.shape import HangingSheet, HolePose, hang, shape_family
-from dualbend.scene.bed.config import HolePairConfig, HolesConfig, PinsConfig
+from dualbend.scene.bed.config import HolesConfig, PinsConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,8 +98,11 @@ def _problems(layout: Layout) -> Iterator[str]:
             f"{holes.middle.along_m:g}"
         )
     for (one, p), (other, q) in itertools.combinations_with_replacement(named, 2):
-        gap = _nearest(p, q, same=one == other)
-        both = f"the two of holes.{one}" if one == other else f"holes.{one} and holes.{other}"
+        gap = math.hypot(p.along_m + q.along_m, p.across_m + q.across_m)
+        both = f"the two of holes.{one}"
+        if one != other:
+            gap = min(gap, math.hypot(p.along_m - q.along_m, p.across_m - q.across_m))
+            both = f"holes.{one} and holes.{other}"
         where = f"{both} are {gap:.6g} m apart"
         if gap <= d:
             yield f"{where}: their pins overlap, it must be more than pins.diameter_m = {d:g}"
@@ -116,11 +119,3 @@ def _problems(layout: Layout) -> Iterator[str]:
                     f"holes.{name}.{key} = {getattr(pair, key):g} is off the sheet or within a "
                     f"hole's radius of its edge: its size must not exceed {edge:.6g}"
                 )
-
-
-def _nearest(p: HolePairConfig, q: HolePairConfig, *, same: bool) -> float:
-    """Return the shortest distance of two holes, one of each pair."""
-    across = math.hypot(p.along_m + q.along_m, p.across_m + q.across_m)
-    if same:
-        return across
-    return min(across, math.hypot(p.along_m - q.along_m, p.across_m - q.across_m))
