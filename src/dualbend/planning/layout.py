@@ -66,9 +66,11 @@ class Layout:
     def guide_slack_m(self, shape: HangingSheet) -> float:
         """Return the offset that an outer tip guides, less the hole's [m]; falls with α."""
         s = self.holes.outer.along_m
-        pose = shape.at(s)
-        reach = tip_guides(self.pins, self.hole_m, self.sheet.thickness_m, pose.slope_rad)
-        return reach - self.approach_m(pose, s)
+        return self.guide_m(shape.at(s)) - self.approach_m(shape.at(s), s)
+
+    def guide_m(self, pose: HolePose) -> float:
+        """Return the offset of a hole at a pose from which an outer tip guides it in [m]."""
+        return tip_guides(self.pins, self.hole_m, self.sheet.thickness_m, pose.slope_rad)
 
 
 def check_layout(layout: Layout) -> None:
