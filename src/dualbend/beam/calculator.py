@@ -76,27 +76,24 @@ def _state(
 ) -> dict[str, float]:
     EI, length_m = sheet.bending_stiffness_nm2, sheet.length_m
     zero_moment = elastica.half_distance(alpha_rad, length_m)
-    if half_distance_m is None and weight_n_per_m == 0.0:
-        return {
-            "force_n": elastica.end_force(alpha_rad, EI, length_m),
-            "moment_nm": 0.0,
-            "half_distance_m": zero_moment,
-            "rise_m": elastica.rise(alpha_rad, length_m),
-            "curvature_max_per_m": elastica.curvature_max(alpha_rad, length_m),
-        }
     half_distance = zero_moment if half_distance_m is None else half_distance_m
-    state = rod.solve_symmetric(EI, length_m, alpha_rad, half_distance, weight_n_per_m)
-    if not state.converged:
-        raise InputError(
-            f"no bent state at alpha = {alpha_rad} rad, half distance = {half_distance} m: "
-            f"{state.reason}"
-        )
+    force, moment = elastica.end_force(alpha_rad, EI, length_m), 0.0
+    rise, curvature = elastica.rise(alpha_rad, length_m), sheet.curvature_per_m
+    if half_distance_m is not None or weight_n_per_m != 0.0:
+        state = rod.solve_symmetric(EI, length_m, alpha_rad, half_distance, weight_n_per_m)
+        if not state.converged:
+            raise InputError(
+                f"no bent state at alpha = {alpha_rad} rad, half distance = {half_distance} m: "
+                f"{state.reason}"
+            )
+        force, moment, rise = state.end_force_n, state.end_moment_nm, state.rise_m
+        curvature = float(np.max(np.abs(state.curvature_per_m)))
     return {
-        "force_n": state.end_force_n,
-        "moment_nm": state.end_moment_nm,
+        "force_n": force,
+        "moment_nm": moment,
         "half_distance_m": half_distance,
-        "rise_m": state.rise_m,
-        "curvature_max_per_m": float(np.max(np.abs(state.curvature_per_m))),
+        "rise_m": rise,
+        "curvature_max_per_m": curvature,
     }
 
 

@@ -80,10 +80,11 @@ class Laminate:
         """Bending stiffness about the middle (3, 3) [N m]."""
         return self._sum(3)
 
-    def _sum(self, n: int) -> Vector:
+    def _sum(self, power: int) -> Vector:
+        rises = np.diff(self.faces_m**power / power)
         parts = [
-            reduced_stiffness(material) * (high**n / n - low**n / n)
-            for material, low, high in self.places()
+            reduced_stiffness(layer.material) * rise
+            for layer, rise in zip(self.layers, rises, strict=True)
         ]
         return np.asarray(np.sum(parts, axis=0))
 

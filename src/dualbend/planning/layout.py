@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dualbend.beam.sheet import Sheet
@@ -74,28 +73,25 @@ class Layout:
 
 
 def check_layout(layout: Layout) -> None:
-    """Raise InputError where holes or pins overlap or leave the sheet, or a tip is too long."""
-    for problem in _problems(layout):
-        raise InputError(problem)
+    """Raise InputError where holes or pins overlap or leave the sheet, or a tip is too long.
 
-
-def _problems(layout: Layout) -> Iterator[str]:
-    """Yield what is wrong at any bending angle: key, value, what would be right."""
+    The message gives key, value and what would be right, at any bending angle.
+    """
     sheet, holes, pins = layout.sheet, layout.holes, layout.pins
     D, d = layout.hole_m, pins.diameter_m
     named = (("middle", holes.middle), ("outer", holes.outer))
     if pins.tip == "taper" and pins.taper_length_m > pins.height_m:
-        yield (
+        raise InputError(
             f"pins.taper_length_m = {pins.taper_length_m:g} is longer than the pin: it must not "
             f"exceed pins.height_m = {pins.height_m:g}"
         )
     if pins.tip == "round" and d / 2.0 > pins.height_m:
-        yield (
+        raise InputError(
             f"pins.height_m = {pins.height_m:g} is too short for a round tip: it must be "
             f"pins.diameter_m / 2 = {d / 2.0:g} or more"
         )
     if holes.outer.along_m <= holes.middle.along_m:
-        yield (
+        raise InputError(
             f"holes.outer.along_m = {holes.outer.along_m:g} must be above holes.middle.along_m = "
             f"{holes.middle.along_m:g}"
         )
@@ -107,9 +103,11 @@ def _problems(layout: Layout) -> Iterator[str]:
             both = f"holes.{one} and holes.{other}"
         where = f"{both} are {gap:.6g} m apart"
         if gap <= d:
-            yield f"{where}: their pins overlap, it must be more than pins.diameter_m = {d:g}"
+            raise InputError(
+                f"{where}: their pins overlap, it must be more than pins.diameter_m = {d:g}"
+            )
         if gap < 1.5 * D:
-            yield f"{where}: it must be {1.5 * D:.6g} (1.5 diameters) or more"
+            raise InputError(f"{where}: it must be {1.5 * D:.6g} (1.5 diameters) or more")
     # A hole's radius of material between the hole and the edge.
     for name, pair in named:
         for key, value, edge in (
@@ -117,7 +115,7 @@ def _problems(layout: Layout) -> Iterator[str]:
             ("across_m", abs(pair.across_m), sheet.width_m / 2.0 - D),
         ):
             if value > edge:
-                yield (
+                raise InputError(
                     f"holes.{name}.{key} = {getattr(pair, key):g} is off the sheet or within a "
                     f"hole's radius of its edge: its size must not exceed {edge:.6g}"
                 )

@@ -110,7 +110,9 @@ def solve_space(
             break
         step = np.linalg.lstsq(jacobian, -residual, rcond=1e-11)[0]
         x = x + step * min(1.0, 5.0 / float(np.abs(step).max(initial=1e-300)))
-    return problem.dimensional_state(x)
+    r, axes, load, middle = problem.shoot(x[np.newaxis])
+    missed = float(np.abs(problem.miss(r, axes)).max())
+    return SpaceState(left=x * units, right=-load[0], middle_m=middle[0], miss=missed)
 
 
 class _Problem(NamedTuple):
@@ -135,15 +137,6 @@ class _Problem(NamedTuple):
         turn = axes.transpose(0, 2, 1) @ self.right.axes
         skew = 0.5 * (turn - turn.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
         return np.hstack([(self.right.position_m - r) / self.length_m, skew])
-
-    def dimensional_state(self, x: FloatArray) -> SpaceState:
-        r, axes, load, middle = self.shoot(x[np.newaxis])
-        return SpaceState(
-            left=x * self.units,
-            right=-load[0],
-            middle_m=middle[0],
-            miss=float(np.abs(self.miss(r, axes)).max()),
-        )
 
     def shoot(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Integrate k rods at once; return ends (k, 3), axes (k, 3, 3), loads (k, 6), middles."""

@@ -1,7 +1,7 @@
 """A state of the rod: loads on both grippers, shape, and a measure of the residual."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -130,14 +130,29 @@ def residual(problem: ritz.Problem, unknowns: FloatArray) -> float:
 
 def dimensional_state(scale: Scale, problem: ritz.Problem, unknowns: FloatArray) -> RodState:
     """Return a dimensionless solution in SI units, with its residual."""
+    error = residual(problem, unknowns)
+    reason = branch.other_mode(problem, unknowns)
+    if not (reason or error <= RESIDUAL_TOLERANCE):
+        reason = f"not resolved by {problem.basis.modes} trial functions"
+    return _in_si(scale, problem, unknowns, error, reason)
+
+
+def unsolved(scale: Scale, problem: ritz.Problem, reason: str) -> RodState:
+    """Return a state without values for a point that was not solved."""
+    unknown = np.full(problem.basis.modes + 2, math.nan)
+    return replace(_in_si(scale, problem, unknown, math.inf, reason), unknowns=np.empty(0))
+
+
+def _in_si(
+    scale: Scale, problem: ritz.Problem, unknowns: FloatArray, error: float, reason: str
+) -> RodState:
+    """Return the state of some unknowns; converged without a reason why not."""
     base, f, clamps = problem.basis, problem.fields(unknowns), problem.clamps
     p, v, L = float(unknowns[-2]), float(unknowns[-1]), scale.L
     first, last = problem.end_moments(f)
     x = base.cumulative @ (f.stretch * f.cos)
     z = -(base.cumulative @ (f.stretch * f.sin))
     bend = base.out_slope @ unknowns[:-2] + clamps.slope_right - clamps.slope_left
-    error, mode = residual(problem, unknowns), branch.other_mode(problem, unknowns)
-    resolved = error <= RESIDUAL_TOLERANCE
     force, moment = scale.EI / L**2, scale.EI / L
     return RodState(
         left=GripLoad(-p * force, v * force, first * moment),
@@ -149,31 +164,9 @@ def dimensional_state(scale: Scale, problem: ritz.Problem, unknowns: FloatArray)
         z_m=scale.left.z_m + z * L,
         curvature_per_m=bend / L,
         residual=error,
-        converged=resolved and not mode,
-        reason=mode or ("" if resolved else f"not resolved by {base.modes} trial functions"),
-        scale=scale,
-        problem=problem,
-        unknowns=unknowns,
-    )
-
-
-def unsolved(scale: Scale, problem: ritz.Problem, reason: str) -> RodState:
-    """Return a state without values for a point that was not solved."""
-    unknown = np.full(ritz.OUTPUT_POINTS, np.nan)
-    load = GripLoad(*[math.nan] * 3)
-    return RodState(
-        left=load,
-        right=load,
-        rise_m=math.nan,
-        s_m=np.linspace(0.0, scale.L, ritz.OUTPUT_POINTS),
-        theta_rad=unknown,
-        x_m=unknown,
-        z_m=unknown,
-        curvature_per_m=unknown,
-        residual=math.inf,
-        converged=False,
+        converged=not reason,
         reason=reason,
         scale=scale,
         problem=problem,
-        unknowns=np.empty(0),
+        unknowns=unknowns,
     )
