@@ -70,8 +70,7 @@ class TrapezoidalSpeed(_Motion):
     @property
     def top_speed_rad_per_s(self) -> float:
         """The speed that is reached, min(ω, √(a |α₁ − α₀|)) [rad/s]."""
-        reached = math.sqrt(self.acceleration_rad_per_s2 * self._way_rad)
-        return min(self.speed_rad_per_s, reached)
+        return min(self.speed_rad_per_s, math.sqrt(self.acceleration_rad_per_s2 * self._way_rad))
 
     @property
     def duration_s(self) -> float:

@@ -14,8 +14,7 @@ SMALLEST_STEP = 1.0 / 256.0
 
 def resized(unknowns: FloatArray, modes: int) -> FloatArray:
     """Return the unknowns on a basis of another size; its functions are hierarchical."""
-    padded = np.pad(unknowns[:-2], (0, modes))
-    return np.concatenate([padded[:modes], unknowns[-2:]])
+    return np.concatenate([np.pad(unknowns[:-2], (0, modes))[:modes], unknowns[-2:]])
 
 
 def on_curve(problem: ritz.Problem) -> tuple[ritz.Clamps, FloatArray]:
