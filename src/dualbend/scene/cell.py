@@ -14,26 +14,14 @@ from dualbend.beam.sheet import Sheet
 from dualbend.control.servo import JointServo
 from dualbend.scene.bed.config import LayoutConfig
 from dualbend.scene.bed.mjcf import GRIPPING, add_holes, add_workplace
+from dualbend.scene.mjcf import BOX, DRAWN, SITE, about_z
 from dualbend.scene.sheet.shell import ShellConfig, add_shell, prepare_for_shell
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig, add_sheet
 from dualbend.types import SIDES, Side
 
-__all__ = [
-    "PAD_SITE",
-    "SIDES",
-    "CellConfig",
-    "GraspConfig",
-    "PlacementConfig",
-    "Side",
-    "compose_cell",
-    "robots_only",
-    "without_looks",
-]
-
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 
 PAD_SITE = "pad"
-_TRANSLATIONS = ("x", "y", "z")
 _WELD_TIME_S, _WELD_TORQUE_SCALE_M = 5e-4, 10.0
 """Time constant and moment arm of the weld that holds the sheet's edge: MuJoCo caps a constraint's
 impedance, and with the defaults the weld gives way as much as the pads do. Tested: what the sheet
@@ -120,9 +108,7 @@ class GraspConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 def robots_only(arms: ArmPair) -> mujoco.MjSpec:
     """Return both arms with their tools and nothing else: no jaws, for IK and inertia."""
-    spec = mujoco.MjSpec()
-    spec.modelname = "dualbend robots"
-    spec.compiler.degree = False
+    spec = _empty("dualbend robots")
     for side in SIDES:
         _add_arm(spec, arms, side, looks=False)
         for joint in arm.JAW_JOINTS:
@@ -149,9 +135,7 @@ def compose_cell(
     bed, pins and stand are there, with room for sheets that were laid before; a shell has no holes.
     Without looks, no mesh of an arm is read.
     """
-    spec = mujoco.MjSpec()
-    spec.modelname = "dualbend"
-    spec.compiler.degree = False
+    spec = _empty("dualbend")
     spec.option.timestep = step_s
     # The only integrator that treats the strips' stiffness implicitly: the highest bending mode
     # of the chain would otherwise ask for steps of 0.1 ms.
@@ -167,7 +151,8 @@ def compose_cell(
         _add_arm(spec, arms, side, looks=looks)
         _add_pad(spec, grasp, side)
         for i, joint in enumerate(placed.model.joints, arms.joints(side).start):
-            _add_servo(spec, f"{side}_{joint}", servo, i)
+            k, c = float(servo.stiffness[i]), float(servo.damping[i])
+            _add_drive(spec, f"{side}_{joint}", "servo", k, c)
     middle = np.array([0.0, 0.0, cell.sheet_height_m])
     if isinstance(division, ShellConfig):
         prepare_for_shell(spec)
@@ -195,6 +180,12 @@ def compose_cell(
     return spec
 
 
+def _empty(name: str) -> mujoco.MjSpec:
+    spec = mujoco.MjSpec()
+    spec.modelname, spec.compiler.degree = name, False
+    return spec
+
+
 def without_looks(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """Return a copy without the geoms that are only looked at: same joints, 14 % less to step."""
     bare = spec.copy()
@@ -205,7 +196,7 @@ def without_looks(spec: mujoco.MjSpec) -> mujoco.MjSpec:
 def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> None:
     """Attach one arm with its tool; every name gets the side as a prefix."""
     origin, yaw = arms.base_pose(side)
-    frame = spec.worldbody.add_frame(pos=origin, quat=[np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+    frame = spec.worldbody.add_frame(pos=origin, quat=about_z(yaw))
     model = (arms.left if side == "left" else arms.right).model
     spec.attach(model.spec(looks=looks), frame=frame, prefix=f"{side}_")
     if model.placement is None and origin[2] > _PEDESTAL_FROM_M:
@@ -226,9 +217,7 @@ def _add_pedestal(base: mujoco.MjsBody, height_m: float) -> None:
             pos=[0.0, 0.0, 0.5 * (top + bottom)],
             rgba=[0.45, 0.47, 0.50, 1.0],
             mass=0.0,
-            contype=0,
-            conaffinity=0,
-            group=2,
+            **DRAWN,
         )
 
 
@@ -248,7 +237,7 @@ def _add_pad(spec: mujoco.MjSpec, grasp: GraspConfig, side: Side) -> None:
         ("tilt", mujoco.mjtJoint.mjJNT_HINGE, grasp.rotational_stiffness_n_m_per_rad),
     )
     for name, kind, stiffness in kinds:
-        for axis, letter in zip(np.eye(3), _TRANSLATIONS, strict=True):
+        for axis, letter in zip(np.eye(3), "xyz", strict=True):
             pad.add_joint(
                 name=f"{side}_pad_{name}_{letter}",
                 type=kind,
@@ -256,21 +245,18 @@ def _add_pad(spec: mujoco.MjSpec, grasp: GraspConfig, side: Side) -> None:
                 stiffness=stiffness,
                 damping=stiffness * grasp.loss_time_s,
             )
-    pad.add_site(name=f"{side}_{PAD_SITE}", group=4, size=[0.003, 0.003, 0.003])
+    pad.add_site(name=f"{side}_{PAD_SITE}", **SITE)
 
 
-def _add_servo(spec: mujoco.MjSpec, joint: str, servo: JointServo, index: int) -> None:
-    """Add the position servo of one joint: torque = k (u − q) − c q̇, within the joint's limit."""
-    k, c = float(servo.stiffness[index]), float(servo.damping[index])
+def _add_drive(
+    spec: mujoco.MjSpec, joint: str, kind: str, stiffness: float, damping: float
+) -> mujoco.MjsActuator:
+    """Drive a joint to a position: torque = k (u − q) − c q̇, within the joint's limit."""
     actuator = spec.add_actuator(
-        name=f"{joint}_servo",
-        target=joint,
-        trntype=mujoco.mjtTrn.mjTRN_JOINT,
-        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+        name=f"{joint}_{kind}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
     )
-    actuator.gainprm[0] = k
-    actuator.biasprm[:3] = [0.0, -k, -c]
+    actuator.set_to_position(kp=stiffness, kv=damping)
+    return actuator
 
 
 def _add_jaw_drives(spec: mujoco.MjSpec, side: Side) -> None:
@@ -278,7 +264,7 @@ def _add_jaw_drives(spec: mujoco.MjSpec, side: Side) -> None:
     for jaw, above in zip(arm.JAW_JOINTS, (1.0, -1.0), strict=True):
         spec.body(f"{side}_{jaw}").add_geom(
             name=f"{side}_{jaw}_rubber",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
+            type=BOX,
             size=[0.010, 0.030, 0.0015],
             pos=[0.0, 0.0, above * 0.0015],
             mass=0.0,
@@ -290,17 +276,8 @@ def _add_jaw_drives(spec: mujoco.MjSpec, side: Side) -> None:
             solimp=[0.999, 0.9999, 1e-4, 0.5, 2.0],
             group=3,
         )
-        drive = spec.add_actuator(
-            name=f"{side}_{jaw}_drive",
-            target=f"{side}_{jaw}",
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-            biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-            forcerange=[-_JAW_FORCE_N, _JAW_FORCE_N],
-            forcelimited=True,
-        )
-        drive.gainprm[0] = _JAW_STIFFNESS_N_PER_M
-        drive.biasprm[1] = -_JAW_STIFFNESS_N_PER_M
+        drive = _add_drive(spec, f"{side}_{jaw}", "drive", _JAW_STIFFNESS_N_PER_M, 0.0)
+        drive.forcerange, drive.forcelimited = [-_JAW_FORCE_N, _JAW_FORCE_N], True
 
 
 def _add_surroundings(spec: mujoco.MjSpec, cell: CellConfig) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.beam.sheet import Sheet
+from dualbend.scene.mjcf import about_z
 from dualbend.scene.sheet.shell import (
     MEMBRANE,
     ShellConfig,
@@ -77,7 +78,7 @@ class StripModel:
         qpos[self.bend_q] = np.diff(slopes)
         free = self._free_q
         qpos[free : free + 3] = middle_m
-        qpos[free + 3 : free + 7] = np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)
+        qpos[free + 3 : free + 7] = about_z(yaw_rad)
 
     def bending_angles(self, data: mujoco.MjData) -> Vector:
         """Return the hinges' angles."""

@@ -32,6 +32,7 @@ import mujoco
 import numpy as np
 
 from dualbend.beam.sheet import Sheet
+from dualbend.scene.mjcf import SHEET_RGBA, SITE, about_z, make_plate
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, damping_time
 from dualbend.types import Tagged, Vector
 
@@ -241,20 +242,10 @@ def _add_edge(
 
     It moves freely, so that the flat sheet is the one at rest wherever the arms are.
     """
-    edge = spec.worldbody.add_body(
-        name=end_body(end), pos=place_m, quat=[np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)]
-    )
+    edge = spec.worldbody.add_body(name=end_body(end), pos=place_m, quat=about_z(yaw_rad))
     edge.add_freejoint(name=end_body(end))
-    edge.explicitinertial = True
-    mass = edge.mass = sheet.mass_kg * h / sheet.length_m
-    edge.ipos = [h / 2, 0.0, 0.0]
-    w, t = sheet.width_m, sheet.thickness_m
-    edge.inertia = [
-        mass * (w**2 + t**2) / 12,
-        mass * (h**2 + t**2) / 12,
-        mass * (w**2 + h**2) / 12,
-    ]
-    edge.add_site(name=end, group=4, size=[0.003, 0.003, 0.003])
+    make_plate(edge, sheet, h, h / 2)
+    edge.add_site(name=end, **SITE)
 
 
 def _add_flex(
@@ -275,7 +266,7 @@ def _add_flex(
     flex.damping = damping_time(sheet, config.damping_ratio)
     flex.contype = flex.conaffinity = 0
     flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
-    flex.rgba = [0.30, 0.52, 0.80, 1.0]
+    flex.rgba = SHEET_RGBA
     flex.group = 2 if dimension == 3 else 5
     places = [_place(sheet, config, *vertex) for vertex in vertices]
     flex.vertbody = [body for body, _ in places]

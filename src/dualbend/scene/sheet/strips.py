@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from dualbend.beam.plastic import HingeSprings
 from dualbend.beam.sheet import Sheet
+from dualbend.scene.mjcf import BOX, DRAWN, SHEET_RGBA, SITE, about_z, make_plate
 from dualbend.types import Tagged
 
 CLAMPED_FIRST_ROOT = 4.730040744862704
@@ -89,11 +90,6 @@ def twist_joint(index: int) -> str:
     return f"sheet_twist_{index:02d}"
 
 
-def yielding_spring(hinge: int, index: int) -> str:
-    """Name of the tendon that is one of the yielding springs of a bending hinge."""
-    return f"sheet_yield_{hinge:02d}_{index:02d}"
-
-
 def strip_body(index: int) -> str:
     """Name of strip ``index`` of N + 1, counted from the left end."""
     return f"sheet_strip_{index:02d}"
@@ -118,13 +114,7 @@ def add_sheet(
             _add_yielding(spec, hinge, springs, h, sheet.bending_stiffness_nm2 / h)
     for direction, site, yaw in ((-1, LEFT_END, 0.0), (1, RIGHT_END, np.pi)):
         end = _add_half(middle, sheet, config, direction)
-        end.add_site(
-            name=site,
-            pos=[direction * h / 2, 0.0, 0.0],
-            quat=[np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)],
-            group=4,
-            size=[0.003, 0.003, 0.003],
-        )
+        end.add_site(name=site, pos=[direction * h / 2, 0.0, 0.0], quat=about_z(yaw), **SITE)
 
 
 def hinge_springs(sheet: Sheet, config: StripConfig) -> HingeSprings:
@@ -136,12 +126,8 @@ def hinge_springs(sheet: Sheet, config: StripConfig) -> HingeSprings:
 def hinge_stiffness(model: mujoco.MjModel, hinge: int) -> float:
     """Return the elastic stiffness of a bending hinge with all its springs [N m/rad]."""
     joint = model.joint(bend_joint(hinge)).id
-    on_it = [
-        i
-        for i in range(model.ntendon)
-        if model.wrap_objid[model.tendon_adr[i]] == joint
-        and model.tendon(i).name.startswith("sheet_yield_")
-    ]
+    own = f"sheet_yield_{hinge:02d}_"
+    on_it = [i for i in range(model.ntendon) if model.tendon(i).name.startswith(own)]
     return float(model.jnt_stiffness[joint].flat[0] + model.tendon_stiffness[on_it].sum())
 
 
@@ -152,7 +138,7 @@ def _add_yielding(
     for i, (share, curvature) in enumerate(
         zip(springs.share.tolist(), springs.yield_curvature.tolist(), strict=True)
     ):
-        tendon = spec.add_tendon(name=yielding_spring(hinge, i))
+        tendon = spec.add_tendon(name=f"sheet_yield_{hinge:02d}_{i:02d}")
         tendon.wrap_joint(bend_joint(hinge), 1.0)
         tendon.stiffness = [share * stiffness, 0.0, 0.0]
         tendon.springyield = curvature * h
@@ -198,24 +184,13 @@ def _add_half(
 
 def _fill_strip(body: mujoco.MjsBody, sheet: Sheet, length_m: float, centre_x_m: float) -> None:
     """Give a strip its inertia and its picture."""
-    w, t = sheet.width_m, sheet.thickness_m
-    mass = sheet.mass_kg * length_m / sheet.length_m
-    body.explicitinertial = True
-    body.mass = mass
-    body.ipos = [centre_x_m, 0.0, 0.0]
-    body.inertia = [
-        mass * (w**2 + t**2) / 12,
-        mass * (length_m**2 + t**2) / 12,
-        mass * (length_m**2 + w**2) / 12,
-    ]
+    make_plate(body, sheet, length_m, centre_x_m)
     body.add_geom(
         name=f"{body.name}_plate",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[length_m / 2, w / 2, t / 2],
+        type=BOX,
+        size=[length_m / 2, sheet.width_m / 2, sheet.thickness_m / 2],
         pos=[centre_x_m, 0.0, 0.0],
         mass=0.0,
-        contype=0,
-        conaffinity=0,
-        group=2,
-        rgba=[0.30, 0.52, 0.80, 1.0],
+        rgba=SHEET_RGBA,
+        **DRAWN,
     )
