@@ -53,7 +53,7 @@ class SerialChain:
 
         ``q`` (b, n) [rad]; everything in the base frame.
         """
-        rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))
+        rotation = np.broadcast_to(_EYE, (len(q), 3, 3))
         place = np.zeros((len(q), 3))
         axes, points = np.empty((2, len(q), self.count, 3))
         for i in range(self.count):
@@ -103,20 +103,12 @@ class SerialChain:
         found, grip, axes, points = self.forward(q)
         turn = rotation @ found.transpose(0, 2, 1)
         # The vector of a rotation from its skew part, well defined up to half a turn.
-        skew = 0.5 * np.stack(
-            (
-                turn[:, 2, 1] - turn[:, 1, 2],
-                turn[:, 0, 2] - turn[:, 2, 0],
-                turn[:, 1, 0] - turn[:, 0, 1],
-            ),
-            axis=1,
-        )
+        skew = 0.5 * (turn[:, [2, 0, 1], [1, 2, 0]] - turn[:, [1, 2, 0], [2, 0, 1]])
         sine = np.linalg.norm(skew, axis=1)
         cosine = 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0)
         angle = np.arctan2(sine, cosine)
-        error = np.concatenate(
-            ((place - grip) / self.length_m, skew * _ratio(angle, sine)[:, None]), axis=1
-        )
+        ratio = np.divide(angle, sine, out=np.ones_like(angle), where=sine >= 1e-9)
+        error = np.concatenate(((place - grip) / self.length_m, skew * ratio[:, None]), axis=1)
         return error, self.jacobian(grip, axes, points)
 
     @functools.cached_property
@@ -147,11 +139,6 @@ def volume(jacobian: Vector) -> Vector:
 
 def _miss(error: Vector) -> Vector:
     return np.asarray(np.linalg.norm(error, axis=1))
-
-
-def _ratio(angle: Vector, sine: Vector) -> Vector:
-    small = sine < 1e-9
-    return np.where(small, 1.0, angle / np.where(small, 1.0, sine))
 
 
 @functools.cache

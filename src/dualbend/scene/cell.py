@@ -197,7 +197,7 @@ def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> 
     """Attach one arm with its tool; every name gets the side as a prefix."""
     origin, yaw = arms.base_pose(side)
     frame = spec.worldbody.add_frame(pos=origin, quat=about_z(yaw))
-    model = (arms.left if side == "left" else arms.right).model
+    model = arms.of(side).model
     spec.attach(model.spec(looks=looks), frame=frame, prefix=f"{side}_")
     if model.placement is None and origin[2] > _PEDESTAL_FROM_M:
         _add_pedestal(spec.body(f"{side}_base"), float(origin[2]))
