@@ -15,7 +15,7 @@ from dualbend.control.servo import JointServo
 from dualbend.scene.bed.config import LayoutConfig
 from dualbend.scene.bed.mjcf import GRIPPING, add_holes, add_workplace
 from dualbend.scene.mjcf import BOX, DRAWN, SITE, about_z
-from dualbend.scene.sheet.shell import ShellConfig, add_shell, prepare_for_shell
+from dualbend.scene.sheet.shell import ShellConfig, add_shell
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig, add_sheet
 from dualbend.types import SIDES, Side
 
@@ -155,7 +155,6 @@ def compose_cell(
             _add_drive(spec, f"{side}_{joint}", "servo", k, c)
     middle = np.array([0.0, 0.0, cell.sheet_height_m])
     if isinstance(division, ShellConfig):
-        prepare_for_shell(spec)
         add_shell(spec, sheet, division, middle)
     else:
         add_sheet(spec, sheet, division, middle)
@@ -253,9 +252,13 @@ def _add_drive(
 ) -> mujoco.MjsActuator:
     """Drive a joint to a position: torque = k (u − q) − c q̇, within the joint's limit."""
     actuator = spec.add_actuator(
-        name=f"{joint}_{kind}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        name=f"{joint}_{kind}",
+        target=joint,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        biastype=mujoco.mjtBias.mjBIAS_AFFINE,
     )
-    actuator.set_to_position(kp=stiffness, kv=damping)
+    actuator.gainprm[0] = stiffness
+    actuator.biasprm[1:3] -= [stiffness, damping]
     return actuator
 
 

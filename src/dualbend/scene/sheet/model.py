@@ -7,11 +7,9 @@ them, the middle one at the sheet's middle; so one set of slopes places either.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from dualbend.beam.sheet import Sheet
 from dualbend.scene.mjcf import about_z
@@ -35,30 +33,14 @@ from dualbend.scene.sheet.strips import (
 from dualbend.types import Vector
 
 
-class SheetModel(Protocol):
-    """Interface of a sheet's model for the simulation.
+class StripModel:
+    """The chain of strips in a compiled cell.
 
     Attributes
     ----------
     bend_stiffness : moment over bending angle at a place of bending [N m/rad]
     dofs : (n,) the sheet's degrees of freedom
     """
-
-    bend_stiffness: float
-    dofs: NDArray[np.intp]
-
-    def place(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
-        """Write positions: slopes of the pieces (N + 1,) [rad], middle (3,) in the world, turn."""
-
-    def bending_angles(self, data: mujoco.MjData) -> Vector:
-        """Return the bending angles from the left end (N,) [rad]."""
-
-    def middle_height(self, data: mujoco.MjData) -> float:
-        """Return the height of the sheet's middle [m]."""
-
-
-class StripModel:
-    """The chain of strips."""
 
     def __init__(self, model: mujoco.MjModel, strips: StripConfig) -> None:
         self._model = model
@@ -73,7 +55,7 @@ class StripModel:
         self.dofs = np.concatenate((free, model.jnt_dofadr[own]))
 
     def place(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
-        """Write hinge angles and the middle strip's pose; untwisted."""
+        """Write positions, untwisted: slopes of the pieces (N + 1,) [rad], middle (3,), turn."""
         qpos[self._own_q] = 0.0
         qpos[self.bend_q] = np.diff(slopes)
         free = self._free_q
@@ -81,16 +63,16 @@ class StripModel:
         qpos[free + 3 : free + 7] = about_z(yaw_rad)
 
     def bending_angles(self, data: mujoco.MjData) -> Vector:
-        """Return the hinges' angles."""
+        """Return the bending angles from the left end (N,) [rad]."""
         return np.asarray(data.qpos[self.bend_q])
 
     def middle_height(self, data: mujoco.MjData) -> float:
-        """Return the height of the middle strip's centre."""
+        """Return the height of the sheet's middle [m]."""
         return float(data.xpos[self._middle, 2])
 
 
 class ShellModel:
-    """The plate's grid of vertices; writes its elasticity into the compiled model."""
+    """The plate's grid of vertices, used like the strips; writes its elasticity into the model."""
 
     def __init__(self, model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
         self._model, self._sheet, self._config = model, sheet, config
@@ -162,3 +144,6 @@ class ShellModel:
         """Return the mean height of the two columns beside the middle."""
         half = self._config.cells_along // 2
         return float((self.columns(data)[half : half + 2, :, 2] @ self._shares).mean())
+
+
+SheetModel = StripModel | ShellModel

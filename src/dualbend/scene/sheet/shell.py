@@ -94,14 +94,8 @@ class Hinge:
     ) -> Hinge:
         """Return what measures the fold at a vertex, over the length that it stands for."""
         # Any fourth vertex that is not on the line of the three.
-        beside = (
-            (at[0], at[1] + (1 if at[1] == 0 else -1))
-            if before[0] != at[0]
-            else (
-                at[0] + 1,
-                at[1],
-            )
-        )
+        (i, j), along = at, before[0] != at[0]
+        beside = (i, j + (1 if j == 0 else -1)) if along else (i + 1, j)
         a, b = 1.0 / (gap * share), 1.0 / (next_gap * share)
         return cls(vertices=(at, beside, before, after), weights=(-a - b, 0.0, a, b))
 
@@ -183,16 +177,17 @@ def hinges(sheet: Sheet, config: ShellConfig) -> list[Hinge]:
 
 
 def add_shell(
-    spec: mujoco.MjSpec,
-    sheet: Sheet,
-    config: ShellConfig,
-    middle_position_m: Vector,
+    spec: mujoco.MjSpec, sheet: Sheet, config: ShellConfig, middle_position_m: Vector
 ) -> None:
-    """Add the flat sheet to ``spec``, its middle at ``middle_position_m`` (3,) in the world.
+    """Add the flat sheet to ``spec``, its middle at ``middle_position_m`` (3,), set up the solver.
 
     Its ends have the sites that the strips' have. :func:`set_elasticity` must be called on the
     compiled model.
     """
+    # The rows of a flex are sparse, and its membrane is a million times stiffer than its bending,
+    # which the 100 iterations of the default do not always resolve.
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+    spec.option.iterations, spec.option.tolerance = _ITERATIONS, _TOLERANCE
     n, m = config.cells_along, config.cells_across
     arcs, rows = column_arcs(sheet, config), row_places(sheet, config)
     h, masses = sheet.length_m / n, sheet.mass_kg * row_shares(sheet, config) / sheet.width_m / n
@@ -223,16 +218,6 @@ def add_shell(
     ends = [vertex for hinge in hinges(sheet, config) for vertex in hinge.vertices]
     pairs = [k + offset for k in range(0, len(ends), 4) for offset in (0, 1, 2, 0, 3, 1)]
     _add_flex(spec, sheet, config, BENDING, ends, pairs, 2)
-
-
-def prepare_for_shell(spec: mujoco.MjSpec) -> None:
-    """Set the solver up for a flex.
-
-    Its rows are sparse, and its membrane is a million times stiffer than its bending, which the
-    100 iterations of the default do not always resolve.
-    """
-    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
-    spec.option.iterations, spec.option.tolerance = _ITERATIONS, _TOLERANCE
 
 
 def _add_edge(

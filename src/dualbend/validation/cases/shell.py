@@ -21,7 +21,6 @@ from dualbend.scene.sheet.shell import (
     ShellConfig,
     add_shell,
     hinges,
-    prepare_for_shell,
     row_places,
     row_shares,
 )
@@ -83,7 +82,6 @@ def settle(
     spec.option.timestep = _STEP_S
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     spec.option.gravity = [0.0, 0.0, 0.0]
-    prepare_for_shell(spec)
     add_shell(spec, sheet, config, np.zeros(3))
     add_ideal_grips(spec, _WELD_TIME_S, _WELD_ARM_M)
     model = spec.compile()
