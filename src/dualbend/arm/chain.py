@@ -21,7 +21,7 @@ _DAMPING = 1e-4
 """Of the damped least squares, over the squared length: bounds a step near a singular pose."""
 
 _LARGEST_STEP_RAD = 0.5
-_SOLVED, _STILL_RAD = 1e-9, 1e-6
+_SOLVED, _STILL_RAD, _SEED = 1e-9, 1e-6, 11
 _EYE = np.eye(3)
 
 
@@ -129,6 +129,18 @@ class SerialChain:
         """Return √det(J Jᵀ) (b,) [-] of the Jacobian scaled by the length; Yoshikawa (1985)."""
         _, grip, axes, points = self.forward(q)
         return volume(self.jacobian(grip, axes, points))
+
+    @functools.cached_property
+    def largest_manipulability(self) -> float:
+        """The largest of 4000 seeded configurations [-]."""
+        low, high = self.range_rad.T
+        q = np.random.default_rng(_SEED).uniform(low, high, (4000, self.count))
+        return float(self.manipulability(q).max())
+
+    def margins(self, q: Vector) -> Vector:
+        """Return how far every joint (..., n) is from its nearer limit [rad]."""
+        low, high = self.range_rad.T
+        return np.asarray(np.minimum(q - low, high - q))
 
 
 def volume(jacobian: Vector) -> Vector:

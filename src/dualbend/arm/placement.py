@@ -82,7 +82,7 @@ class _Search:
         self._chain = serial_chain(name)
         self._low, self._high = self._chain.range_rad.T
         self._half = 0.5 * (self._high - self._low)
-        self._best = largest_manipulability(name)
+        self._best = self._chain.largest_manipulability
         self._fixed = np.array([key in given for key in _KEYS])
         model = with_gripper(arm_model(name).spec(looks=False)).compile()
         self._model, self._data = model, mujoco.MjData(model)
@@ -145,19 +145,17 @@ class _Search:
         ]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(_KEYS))
 
-    def _in_base(self, base: Vector, target: int) -> tuple[Vector, Vector]:
-        """Return rotation (b, 3, 3) and place (b, 3) of a target in the base frames."""
+    def _reach(
+        self, base: Vector, target: int, q: Vector, posture: Vector | None, iterations: int
+    ) -> tuple[Vector, Vector]:
+        """Solve for a target from configurations (b, n) on bases (b, 4), in the base frames."""
         pose = self._targets[target]
         c, s = np.cos(base[:, 3]), np.sin(base[:, 3])
         none, one = np.zeros(len(base)), np.ones(len(base))
         back = np.stack((c, s, none, -s, c, none, none, none, one), axis=1).reshape(-1, 3, 3)
         away = pose[:3, 3] - base[:, :3] * [-1.0, 1.0, 1.0]
-        return back @ pose[:3, :3], (back @ away[..., None])[..., 0]
-
-    def _reach(
-        self, base: Vector, target: int, q: Vector, posture: Vector | None, iterations: int
-    ) -> tuple[Vector, Vector]:
-        return self._chain.solve(*self._in_base(base, target), q, posture, iterations)
+        place = (back @ away[..., None])[..., 0]
+        return self._chain.solve(back @ pose[:3, :3], place, q, posture, iterations)
 
     def _follow(self, base: Vector, start: Vector) -> _Tried:
         """Go through all targets from configurations near the first; the first is the posture."""
@@ -174,25 +172,16 @@ class _Search:
         jacobian = self._chain.jacobian(grip, axes, points)
         manipulability = volume(jacobian).reshape(len(base), -1).min(axis=1)
         clear = self._clear(base, points.reshape(*every.shape, 3))
-        margin = self._margins(every).min(axis=(1, 2))
+        margin = self._chain.margins(every).min(axis=(1, 2))
         free = self._free(every).min(axis=(1, 2))
         worth = np.minimum(manipulability / self._best, free)
         allowed = (worst < _REACHED) & (margin >= MIN_MARGIN_RAD) & clear
-        return _Tried(
-            base=base,
-            q=every,
-            score=np.where(allowed, worth, 0.0),
-            margin=margin,
-            miss=worst,
-        )
-
-    def _margins(self, q: Vector) -> Vector:
-        """Return how far every joint (..., n) is from its nearer limit [rad]."""
-        return np.asarray(np.minimum(q - self._low, self._high - q))
+        score = np.where(allowed, worth, 0.0)
+        return _Tried(base=base, q=every, score=score, margin=margin, miss=worst)
 
     def _free(self, q: Vector) -> Vector:
         """Return the joint-limit margins (..., n) over half the range."""
-        return np.asarray(self._margins(q) / self._half)
+        return np.asarray(self._chain.margins(q) / self._half)
 
     def _clear(self, base: Vector, points: Vector) -> NDArray[np.bool_]:
         """Tell where no joint (b, k, n, 3) is near the floor, or beyond the grip at the sheet."""
@@ -256,7 +245,7 @@ class _Search:
         reached = tried.miss < _REACHED
         if not reached.any():
             best = int(np.argmin(tried.miss))
-            stuck = self._margins(tried.q[best]).min(axis=0) < _REACHED
+            stuck = self._chain.margins(tried.q[best]).min(axis=0) < _REACHED
             at = [joint for joint, is_stuck in zip(arm.joint_names, stuck, strict=True) if is_stuck]
             return head + (
                 f"no base reaches all poses of the path, the best of {len(tried.miss)} misses one "
@@ -270,12 +259,3 @@ class _Search:
                 f"limit; {needed:.0f} are needed"
             )
         return head + "where it reaches all poses, it touches itself, the floor or the sheet"
-
-
-@functools.cache
-def largest_manipulability(name: ArmName) -> float:
-    """Return the largest √det(J Jᵀ) of 4000 seeded configurations [-]."""
-    chain = serial_chain(name)
-    low, high = chain.range_rad.T
-    q = np.random.default_rng(_SEED).uniform(low, high, (4000, chain.count))
-    return float(chain.manipulability(q).max())

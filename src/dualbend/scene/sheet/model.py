@@ -79,31 +79,26 @@ class ShellModel:
         set_elasticity(model, sheet, config)
         n, rows = config.cells_along, config.cells_across + 2
         self._spacing = sheet.length_m / n
-        as_plate = replace(sheet, rigidity="plate")
-        self.bend_stiffness = as_plate.bending_stiffness_nm2 / self._spacing
+        self.bend_stiffness = replace(sheet, rigidity="plate").bending_stiffness_nm2 / self._spacing
         bodies = np.array(
             [[model.body(vertex_body(i, j)).id for j in range(rows)] for i in range(2, n)]
         )
+        joints = model.body_jntadr[bodies]
         self._home = model.body_pos[bodies]
-        first = model.jnt_qposadr[model.body_jntadr[bodies]]
-        self._q = first[..., np.newaxis] + np.arange(3)
-        self.dofs = (
-            model.jnt_dofadr[model.body_jntadr[bodies]][..., np.newaxis] + np.arange(3)
-        ).ravel()
+        self._q = model.jnt_qposadr[joints][..., np.newaxis] + np.arange(3)
+        free = model.jnt_dofadr[joints][..., np.newaxis] + np.arange(3)
         flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, MEMBRANE)
         at = int(model.flex_vertadr[flex])
+        self._grid = n + 2, rows, 3
         self._vertices = slice(at, at + (n + 2) * rows)
         ends = [model.joint(end_body(end)) for end in (LEFT_END, RIGHT_END)]
         self._shares = row_shares(sheet, config) / sheet.width_m
         self._ends_q = [joint.qposadr[0] for joint in ends]
-        edge_dofs = [joint.dofadr[0] + np.arange(6) for joint in ends]
-        self.dofs = np.concatenate((*edge_dofs, self.dofs))
+        self.dofs = np.concatenate([*(end.dofadr[0] + np.arange(6) for end in ends), free.ravel()])
 
     def columns(self, data: mujoco.MjData) -> Vector:
         """Return the vertices (N + 2, M + 2, 3) in the world [m]."""
-        return np.asarray(data.flexvert_xpos[self._vertices]).reshape(
-            self._config.cells_along + 2, self._config.cells_across + 2, 3
-        )
+        return np.asarray(data.flexvert_xpos[self._vertices].reshape(self._grid))
 
     def place(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
         """Put the free vertices and both edges on the cylindrical surface of these slopes."""
@@ -118,14 +113,12 @@ class ShellModel:
         z = np.broadcast_to(line[2:-2, 1:], np.broadcast_shapes(x.shape, y.shape))
         places = np.stack((c * x - s * y, s * x + c * y, z), axis=2) + middle_m
         qpos[self._q] = places - self._home
-        for at, (a, b), alpha, turn in zip(
-            self._ends_q,
-            ((0, 1), (-2, -1)),
-            (slopes[0], -slopes[-1]),
-            (yaw_rad, yaw_rad + np.pi),
-            strict=True,
-        ):
-            along, up = 0.5 * (line[a] + line[b])
+        ends = (
+            (line[0] + line[1], slopes[0], yaw_rad),
+            (line[-2] + line[-1], -slopes[-1], yaw_rad + np.pi),
+        )
+        for at, (twice, alpha, turn) in zip(self._ends_q, ends, strict=True):
+            along, up = 0.5 * twice
             qpos[at : at + 3] = middle_m + np.array([c * along, s * along, up])
             (ct, ca), (st, sa) = np.cos([turn / 2, alpha / 2]), np.sin([turn / 2, alpha / 2])
             qpos[at + 3 : at + 7] = ct * ca, -st * sa, ct * sa, st * ca

@@ -23,6 +23,7 @@ into the compiled model by :func:`set_elasticity`, since MuJoCo's own are no thi
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
@@ -77,7 +78,7 @@ Vertex = tuple[int, int]
 """Column and row."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Hinge:
     """Four vertices whose weighted sum is a curvature [1/m], and their bending stiffness.
 
@@ -87,17 +88,6 @@ class Hinge:
     vertices: tuple[Vertex, Vertex, Vertex, Vertex]
     weights: tuple[float, float, float, float]
     stiffness: float = 0.0
-
-    @classmethod
-    def second(
-        cls, at: Vertex, before: Vertex, after: Vertex, gap: float, next_gap: float, share: float
-    ) -> Hinge:
-        """Return what measures the fold at a vertex, over the length that it stands for."""
-        # Any fourth vertex that is not on the line of the three.
-        (i, j), along = at, before[0] != at[0]
-        beside = (i, j + (1 if j == 0 else -1)) if along else (i + 1, j)
-        a, b = 1.0 / (gap * share), 1.0 / (next_gap * share)
-        return cls(vertices=(at, beside, before, after), weights=(-a - b, 0.0, a, b))
 
 
 def end_body(end: str) -> str:
@@ -144,36 +134,35 @@ def hinges(sheet: Sheet, config: ShellConfig) -> list[Hinge]:
     D = sheet.young_pa * sheet.thickness_m**3 / (12.0 * (1.0 - nu**2))
     shares = row_shares(sheet, config)
     found = []
-    for i in range(1, n + 1):
-        for j in range(m + 2):
-            along = Hinge.second((i, j), (i - 1, j), (i + 1, j), hx, hx, hx)
-            if not 0 < j <= m:
-                found.append(replace(along, stiffness=D * hx * shares[j]))
-                continue
-            across = Hinge.second((i, j), (i, j - 1), (i, j + 1), gaps[j - 1], gaps[j], hy)
-            c = along.weights[0] / across.weights[0]
-            coupling = nu * D * hx * hy / c
-            found += [
-                replace(along, stiffness=D * hx * shares[j] + coupling),
-                replace(across, stiffness=D * hx * hy + c**2 * coupling),
-                Hinge(
-                    vertices=(*across.vertices[2:], *along.vertices[2:]),
-                    weights=(-c * across.weights[2], -c * across.weights[3], *along.weights[2:]),
-                    stiffness=-coupling,
-                ),
-            ]
-    for i in range(1, n):
-        length = hx * (1.5 if i in (1, n - 1) else 1.0)
-        for j, gap in enumerate(gaps.tolist()):
-            area = length * gap
-            found.append(
-                Hinge(
-                    vertices=((i, j), (i + 1, j + 1), (i + 1, j), (i, j + 1)),
-                    weights=(1 / area, 1 / area, -1 / area, -1 / area),
-                    stiffness=2.0 * D * (1.0 - nu) * area,
-                )
-            )
+    for i, j in itertools.product(range(1, n + 1), range(m + 2)):
+        # The second vertex has no weight: any that is not on the line of the three.
+        beside = (i, j + (1 if j == 0 else -1))
+        along = Hinge(((i, j), beside, (i - 1, j), (i + 1, j)), _second(hx, hx, hx))
+        if not 0 < j <= m:
+            found.append(replace(along, stiffness=D * hx * shares[j]))
+            continue
+        weights = _second(gaps[j - 1], gaps[j], hy)
+        across = Hinge(((i, j), (i + 1, j), (i, j - 1), (i, j + 1)), weights)
+        c = along.weights[0] / weights[0]
+        coupling = nu * D * hx * hy / c
+        crossed = (*across.vertices[2:], *along.vertices[2:])
+        found += [
+            replace(along, stiffness=D * hx * shares[j] + coupling),
+            replace(across, stiffness=D * hx * hy + c**2 * coupling),
+            Hinge(crossed, (-c * weights[2], -c * weights[3], *along.weights[2:]), -coupling),
+        ]
+    for i, (j, gap) in itertools.product(range(1, n), enumerate(gaps.tolist())):
+        area = hx * (1.5 if i in (1, n - 1) else 1.0) * gap
+        corners = ((i, j), (i + 1, j + 1), (i + 1, j), (i, j + 1))
+        weights = (1 / area, 1 / area, -1 / area, -1 / area)
+        found.append(Hinge(corners, weights, 2.0 * D * (1.0 - nu) * area))
     return found
+
+
+def _second(gap: float, next_gap: float, share: float) -> tuple[float, float, float, float]:
+    """Return the weights of at, beside, before and after whose sum is the fold over a length."""
+    a, b = 1.0 / (gap * share), 1.0 / (next_gap * share)
+    return -a - b, 0.0, a, b
 
 
 def add_shell(
@@ -194,24 +183,18 @@ def add_shell(
     middle, to_end = np.asarray(middle_position_m), np.array([sheet.length_m / 2, 0.0, 0.0])
     _add_edge(spec, LEFT_END, sheet, h, middle - to_end, 0.0)
     _add_edge(spec, RIGHT_END, sheet, h, middle + to_end, np.pi)
-    for i in range(2, n):
-        for j in range(m + 2):
-            place = [arcs[i] - sheet.length_m / 2, rows[j], 0.0]
-            body = spec.worldbody.add_body(name=vertex_body(i, j), pos=middle + place)
-            body.explicitinertial = True
-            body.mass = masses[j]
-            body.inertia = [1e-9, 1e-9, 1e-9]
-            for axis, letter in zip(np.eye(3), "xyz", strict=True):
-                body.add_joint(
-                    name=f"{body.name}_{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis
-                )
-    grid = [(i, j) for i in range(n + 2) for j in range(m + 2)]
-    number = {vertex: k for k, vertex in enumerate(grid)}
+    for i, j in itertools.product(range(2, n), range(m + 2)):
+        place = [arcs[i] - sheet.length_m / 2, rows[j], 0.0]
+        body = spec.worldbody.add_body(name=vertex_body(i, j), pos=middle + place)
+        body.explicitinertial, body.mass, body.inertia = True, masses[j], [1e-9] * 3
+        for axis, letter in zip(np.eye(3), "xyz", strict=True):
+            name = f"{body.name}_{letter}"
+            body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    grid = list(itertools.product(range(n + 2), range(m + 2)))
     corners = [
-        number[corner]
-        for i in range(n + 1)
-        for j in range(m + 1)
-        for corner in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
+        (m + 2) * column + row
+        for i, j in itertools.product(range(n + 1), range(m + 1))
+        for column, row in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
     ]
     _add_flex(spec, sheet, config, MEMBRANE, grid, corners, 3)
     # Each hinge has its four vertices for itself: only its own two triangles share an edge.
@@ -276,8 +259,7 @@ def set_elasticity(model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> 
     gaps = np.diff(row_places(sheet, config))
     hx = sheet.length_m / config.cells_along
     forms = [membrane_form(sheet, hx, gap)[np.triu_indices(6)] for gap in gaps.tolist()]
-    count = model.flex_elemnum[flex]
-    start = model.flex_stiffnessadr[flex]
+    start, count = model.flex_stiffnessadr[flex], model.flex_elemnum[flex]
     stiffness = model.flex_stiffness[start : start + _CELL * count].reshape(count, _CELL)
     # MuJoCo's energy is a quarter of the form.
     stiffness[:] = 0.0
@@ -316,14 +298,13 @@ def membrane_form(sheet: Sheet, hx: float, hy: float) -> Vector:
 def _set_bending(model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
     flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, BENDING)
     first, count = model.flex_edgeadr[flex], model.flex_edgenum[flex]
-    flaps = model.flex_edgeflap[first : first + count]
-    edges = model.flex_edge[first : first + count]
+    near, far = (a[first : first + count] for a in (model.flex_edge, model.flex_edgeflap))
     start = model.flex_bendingadr[flex]
     forms = model.flex_bending[start : start + _BLOCK * count].reshape(count, _BLOCK)
     listed = hinges(sheet, config)
     forms[:] = 0.0
-    for edge in np.flatnonzero((flaps >= 0).all(axis=1)):
-        vertices = (*edges[edge].tolist(), *flaps[edge].tolist())
+    for edge in np.flatnonzero((far >= 0).all(axis=1)):
+        vertices = (*near[edge].tolist(), *far[edge].tolist())
         hinge = listed[vertices[0] // 4]
         weights = np.array([hinge.weights[vertex % 4] for vertex in vertices])
         forms[edge, :16] = hinge.stiffness * np.outer(weights, weights).ravel()
