@@ -17,9 +17,6 @@ DRAWN: Final = {"contype": 0, "conaffinity": 0, "group": 2}
 SITE: Final = {"group": 4, "size": [0.003] * 3}
 """A site as small as a grip, not drawn by default."""
 
-RUBBED: Final = {"condim": 3, "solref": [0.0035, 1.0]}
-"""A contact with dry friction, two steps of 1.75 ms long: the stiffest that a step resolves."""
-
 
 def about_z(angle_rad: float) -> tuple[float, float, float, float]:
     """Return the quaternion (w, x, y, z) of a turn about z."""

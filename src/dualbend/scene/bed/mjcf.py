@@ -16,7 +16,7 @@ from dualbend.scene.bed.config import (
     StandConfig,
     hole_places,
 )
-from dualbend.scene.mjcf import BOX, DRAWN, RUBBED, about_z
+from dualbend.scene.mjcf import BOX, DRAWN, about_z
 from dualbend.scene.sheet.strips import StripConfig, strip_body
 from dualbend.types import Vector
 
@@ -39,6 +39,12 @@ _PLATE_RGBA, _COLUMN_RGBA = [0.62, 0.64, 0.67, 1.0], [0.24, 0.26, 0.30, 1.0]
 _HOLE_RGBA, _HOLE_PROUD_M = [0.05, 0.06, 0.08, 1.0], 5e-5
 
 _PIN_SOLIMP = [0.98, 0.999, 2e-5, 0.5, 2.0]
+
+_RUBBED = {"condim": 3, "solref": [0.0035, 1.0]}
+"""A contact with dry friction, two steps of 1.75 ms long: the stiffest that a step resolves."""
+
+_OF_SHEET = {"mass": 0.0, "conaffinity": 0, "friction": [0.0, 0.005, 0.0001], "group": 3, **_RUBBED}
+"""What touches bed and pins; of two coefficients of friction the larger counts: theirs."""
 
 
 def add_workplace(
@@ -114,7 +120,7 @@ def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -
     radius = pins.diameter_m / 2
     shape = {
         **DRAWN,
-        **RUBBED,
+        **_RUBBED,
         "name": f"pin_{name}",
         "conaffinity": PINNING,
         "friction": [pins.friction, 0.005, 0.0001],
@@ -159,15 +165,11 @@ def _add_laid(
             name=laid_body(number, i), mocap=True, pos=[0.0, 0.0, _BELOW_FLOOR_M]
         )
         half = sheet.thickness_m / 2
+        size = [length / 2, sheet.width_m / 2, half]
+        body.add_geom(type=BOX, size=size, rgba=[0.45, 0.60, 0.80, 1.0], **DRAWN)
         body.add_geom(
             type=BOX,
-            size=[length / 2, sheet.width_m / 2, half],
-            rgba=[0.45, 0.60, 0.80, 1.0],
-            **DRAWN,
-        )
-        body.add_geom(
-            type=BOX,
-            size=[length / 2, sheet.width_m / 2, _LAID_DEPTH_M / 2],
+            size=[*size[:2], _LAID_DEPTH_M / 2],
             pos=[0.0, 0.0, half - _LAID_DEPTH_M / 2],
             contype=0,
             conaffinity=RESTING,
@@ -197,12 +199,8 @@ def add_holes(spec: mujoco.MjSpec, sheet: Sheet, strips: StripConfig, layout: La
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
                 size=[sheet.thickness_m / 2, 0.0, 0.0],
                 pos=[centre, sign * 0.4 * sheet.width_m, 0.0],
-                mass=0.0,
                 contype=RESTING,
-                conaffinity=0,
-                friction=[0.0, 0.005, 0.0001],  # of two, the larger counts: the bed's
-                group=3,
-                **RUBBED,
+                **_OF_SHEET,
             )
 
 
@@ -232,11 +230,7 @@ def _add_ring(
             size=[_RING_DEPTH_M / 2, half_side, thickness_m / 2],
             pos=[*(centre_m + middle * np.array([math.cos(turn), math.sin(turn)])), 0.0],
             quat=about_z(turn),
-            mass=0.0,
             contype=PINNING,
-            conaffinity=0,
-            friction=[0.0, 0.005, 0.0001],
             solimp=_PIN_SOLIMP,
-            group=3,
-            **RUBBED,
+            **_OF_SHEET,
         )
