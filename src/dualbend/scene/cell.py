@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import msgspec
 import mujoco
 import numpy as np
 
@@ -17,9 +16,7 @@ from dualbend.scene.bed.mjcf import GRIPPING, add_holes, add_workplace
 from dualbend.scene.mjcf import BOX, DRAWN, SITE, about_z
 from dualbend.scene.sheet.shell import ShellConfig, add_shell
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig, add_sheet
-from dualbend.types import SIDES, Side
-
-Positive = Annotated[float, msgspec.Meta(gt=0)]
+from dualbend.types import SIDES, Config, Side, said
 
 PAD_SITE = "pad"
 _WELD_TIME_S, _WELD_TORQUE_SCALE_M = 5e-4, 10.0
@@ -32,62 +29,47 @@ _PEDESTAL_FROM_M = 0.02
 _JAW_STIFFNESS_N_PER_M, _JAW_FORCE_N = 2e4, 40.0
 
 
-class PlacementConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PlacementConfig(Config):
     """Where one arm stands, by hand; what is not given is as for both arms."""
 
     base_distance_m: (
-        Annotated[
-            float, msgspec.Meta(gt=0.3, lt=3, description="base axis to the mid-plane, along x_B")
-        ]
-        | None
+        Annotated[float, said("base axis to the mid-plane, along x_B", gt=0.3, lt=3)] | None
     ) = None
     base_lateral_m: (
-        Annotated[
-            float,
-            msgspec.Meta(ge=-1, le=1, description="base axis off the bending plane, along y_B"),
-        ]
-        | None
+        Annotated[float, said("base axis off the bending plane, along y_B", ge=-1, le=1)] | None
     ) = None
     base_height_m: (
-        Annotated[
-            float, msgspec.Meta(ge=0, lt=3, description="base frame's origin above the floor")
-        ]
-        | None
+        Annotated[float, said("base frame's origin above the floor", ge=0, lt=3)] | None
     ) = None
     base_yaw_rad: (
-        Annotated[
-            float, msgspec.Meta(ge=-7, le=7, description="base frame about the vertical, from x_B")
-        ]
-        | None
+        Annotated[float, said("base frame about the vertical, from x_B", ge=-7, le=7)] | None
     ) = None
     home_rad: (
         Annotated[
             tuple[float, ...],
-            msgspec.Meta(
-                min_length=6,
-                description="joint angles near the start: the branch of solutions, and the posture "
+            said(
+                "joint angles near the start: the branch of solutions, and the posture "
                 "that a redundant arm keeps",
+                min_length=6,
             ),
         ]
         | None
     ) = None
 
 
-class CellConfig(PlacementConfig, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class CellConfig(PlacementConfig):
     """Where the arms and the sheet stand, in the world (z up, x from the left to the right arm).
 
     What is not given is as documented for the arm (the PUMA's: 1.075, 0.15005, 0.672 m, no yaw), or
     found for the sheet and its path.
     """
 
-    sheet_height_m: Annotated[
-        float, msgspec.Meta(gt=0, lt=3, description="flat sheet above the floor")
-    ] = 0.672
+    sheet_height_m: Annotated[float, said("flat sheet above the floor", gt=0, lt=3)] = 0.672
     left: PlacementConfig | None = None
     right: PlacementConfig | None = None
 
 
-class GraspConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class GraspConfig(Config):
     """Rubber pads between jaw and sheet, as one linear bushing at the gripper centre.
 
     Two pads of 60 x 20 x 3 mm, G = 1.2 MPa, confined E = 10 MPa (assumed): shear 2 G A / t =
@@ -96,14 +78,12 @@ class GraspConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """
 
     translational_stiffness_n_per_m: Annotated[
-        Positive, msgspec.Meta(description="of the pads along x, y and z")
+        float, said("of the pads along x, y and z", gt=0)
     ] = 0.96e6
     rotational_stiffness_n_m_per_rad: Annotated[
-        Positive, msgspec.Meta(description="of the pads about x, y and z")
+        float, said("of the pads about x, y and z", gt=0)
     ] = 267.0
-    loss_time_s: Annotated[
-        float, msgspec.Meta(ge=0, le=0.1, description="damping over stiffness; rubber")
-    ] = 1.6e-3
+    loss_time_s: Annotated[float, said("damping over stiffness; rubber", ge=0, le=0.1)] = 1.6e-3
 
 
 def robots_only(arms: ArmPair) -> mujoco.MjSpec:

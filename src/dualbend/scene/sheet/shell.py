@@ -28,14 +28,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-import msgspec
 import mujoco
 import numpy as np
 
 from dualbend.beam.sheet import Sheet
 from dualbend.scene.mjcf import SHEET_RGBA, SITE, about_z, make_plate
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, damping_time
-from dualbend.types import Tagged, Vector
+from dualbend.types import Tagged, Vector, said
 
 MEMBRANE, BENDING = "sheet_membrane", "sheet_bending"
 """Names of the two flexes."""
@@ -52,16 +51,12 @@ _EDGE_MASS_KG, _EDGE_INERTIA_KG_M2 = 0.1, 1e-4
 against the membrane's stiffness, are more than the solver's preconditioner bears."""
 
 
-class ShellConfig(Tagged, frozen=True, kw_only=True, tag="shell"):
+class ShellConfig(Tagged, tag="shell"):
     """A plate, at many times the cost: how finely it is divided and how it is damped."""
 
-    cells_along: Annotated[
-        int, msgspec.Meta(ge=8, le=100, description="between the grips, even")
-    ] = 20
-    cells_across: Annotated[int, msgspec.Meta(ge=2, le=60, description="over the width")] = 4
-    damping_ratio: Annotated[
-        float, msgspec.Meta(ge=0, lt=1, description="of the first clamped bending mode")
-    ] = 0.02
+    cells_along: Annotated[int, said("between the grips, even", ge=8, le=100)] = 20
+    cells_across: Annotated[int, said("over the width", ge=2, le=60)] = 4
+    damping_ratio: Annotated[float, said("of the first clamped bending mode", ge=0, lt=1)] = 0.02
 
     def __post_init__(self) -> None:
         """Refuse an odd number of cells along: the middle of the sheet is that of a cell."""

@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-import msgspec
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 from dualbend.beam.plastic import HingeSprings
 from dualbend.beam.sheet import Sheet
 from dualbend.scene.mjcf import BOX, DRAWN, SHEET_RGBA, SITE, about_z, make_plate
-from dualbend.types import Tagged
+from dualbend.types import Tagged, said
 
 CLAMPED_FIRST_ROOT = 4.730040744862704
 """First root of cosh(b) cos(b) = 1: the clamped-clamped beam's first mode."""
@@ -36,18 +35,13 @@ LEFT_END, RIGHT_END = "sheet_left_end", "sheet_right_end"
 """Sites at the clamp lines; x points into the sheet, y along the bending axis of that end's arm."""
 
 
-class StripConfig(Tagged, frozen=True, kw_only=True, tag="strips"):
+class StripConfig(Tagged, tag="strips"):
     """A chain of strips, as stiff as rigidity says: how finely it is divided, how it is damped."""
 
-    hinges: Annotated[int, msgspec.Meta(ge=4, le=200, description="bending hinges, even")] = 20
-    damping_ratio: Annotated[
-        float, msgspec.Meta(ge=0, lt=1, description="of the first clamped bending mode")
-    ] = 0.02
+    hinges: Annotated[int, said("bending hinges, even", ge=4, le=200)] = 20
+    damping_ratio: Annotated[float, said("of the first clamped bending mode", ge=0, lt=1)] = 0.02
     springs: Annotated[
-        int,
-        msgspec.Meta(
-            ge=4, le=16, description="that yield one after the other, of each hinge; plastic only"
-        ),
+        int, said("that yield one after the other, of each hinge; plastic only", ge=4, le=16)
     ] = 10
 
     def __post_init__(self) -> None:
