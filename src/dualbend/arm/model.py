@@ -107,28 +107,15 @@ def scene_joints(count: int) -> tuple[str, ...]:
 
 @functools.cache
 def arm_model(name: ArmName) -> ArmModel:
-    """Return the arm of a name.
+    """Return the arm of a name: what its URDF holds, the rest from the facts beside it.
 
-    Raises
-    ------
-    InputError
-        The package that has the arm's files is not installed.
+    Raises InputError where the package with the arm's files is missing, or a file cannot be read.
     """
     if name == PUMA:
         return _puma()
     share, facts = package_folder(PACKAGE), URDF_ARMS[name]
-    return urdf_model(name, UrdfFile(file=share / "robots" / facts.file, share=share, facts=facts))
-
-
-def urdf_model(name: ArmName, urdf: UrdfFile) -> ArmModel:
-    """Return the arm of a file: what its URDF holds, the rest from the facts beside it.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is no chain of hinges with masses and limits.
-    """
-    arm, facts = urdf.read(looks=False), urdf.facts
+    urdf = UrdfFile(file=share / "robots" / facts.file, share=share, facts=facts)
+    arm = urdf.read(looks=False)
     joints = _joints(arm.spec.compile())
     assumed = [f"rotor inertia {facts.armature_kg_m2:g} kg m² at every joint (no URDF has it)"]
     if not any((*joints["viscous_n_m_s_per_rad"], *joints["coulomb_n_m"])):

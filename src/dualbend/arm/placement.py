@@ -58,12 +58,8 @@ def find_placement(name: ArmName, targets: Vector, given: Mapping[str, Any]) -> 
     """Return the best place for the grip poses ``targets`` (k, 4, 4) in the arm's bending frame.
 
     What is ``given`` of a :class:`Placement` stays as it is. Deterministic, and remembered.
-
-    Raises
-    ------
-    InputError
-        No place lets the arm reach all poses with 5° of joint-limit margin, clear of itself, of the
-        floor and of the sheet; the message says what is missing.
+    Raises InputError, which says what is missing, where no place lets the arm reach all poses with
+    5° of joint-limit margin, clear of itself, of the floor and of the sheet.
     """
     shape = tuple(targets.shape)
     return _find(name, np.ascontiguousarray(targets).tobytes(), shape, tuple(given.items()))

@@ -64,12 +64,8 @@ class UrdfFile:
 
         Links that hang beside the chain or beyond the flange are left out, links that are fixed to
         each other are one. Gravity is held up by the joints' own drives, as in
-        :func:`dualbend.arm.mjcf.load_puma`.
-
-        Raises
-        ------
-        InputError
-            The file cannot be read, or is no chain of hinges with masses and limits.
+        :func:`dualbend.arm.mjcf.load_puma`. Raises InputError where the file cannot be read, or is
+        no chain of hinges with masses and limits.
         """
         try:
             root = ET.parse(self.file).getroot()
@@ -202,10 +198,7 @@ class UrdfFile:
 def package_folder(package: str) -> Path:
     """Return the folder that holds an installed package's robots, found by its metadata.
 
-    Raises
-    ------
-    InputError
-        The package is not installed, or holds no robots.
+    Raises InputError where the package is not installed, or holds no robots.
     """
     try:
         installed = metadata.distribution(package)
