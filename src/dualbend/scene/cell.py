@@ -205,12 +205,9 @@ def _add_pad(spec: mujoco.MjSpec, grasp: GraspConfig, side: Side) -> None:
     hand = spec.body(f"{side}_hand")
     grip = spec.site(f"{side}_{arm.GRIP_SITE}")
     pad = hand.add_body(name=f"{side}_pad", pos=grip.pos, quat=grip.quat)
-    pad.explicitinertial = True
     # Its weight is held up, so that the bushing's springs read the sheet alone.
-    pad.gravcomp = 1.0
-    pad.mass = 0.01
-    pad.ipos = [0.0, 0.0, 0.0]
-    pad.inertia = [3e-6, 1e-6, 3e-6]
+    pad.explicitinertial, pad.mass, pad.gravcomp = True, 0.01, 1.0
+    pad.ipos, pad.inertia = [0.0, 0.0, 0.0], [3e-6, 1e-6, 3e-6]
     kinds = (
         ("slide", mujoco.mjtJoint.mjJNT_SLIDE, grasp.translational_stiffness_n_per_m),
         ("tilt", mujoco.mjtJoint.mjJNT_HINGE, grasp.rotational_stiffness_n_m_per_rad),

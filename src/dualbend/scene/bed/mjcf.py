@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -58,10 +59,7 @@ def add_workplace(
             type=BOX,
             size=[block.half_length_m, block.half_width_m, block.top_m / 2],
             pos=[0.0, y_m, block.top_m / 2],
-            contype=0,
-            conaffinity=RESTING | 1,
-            friction=[bed.friction, 0.005, 0.0001],
-            group=3,
+            **_touched(RESTING | 1, bed.friction),
         )
         _show_block(spec, block, y_m)
     _add_bed_camera(spec, bed, sheet)
@@ -70,6 +68,11 @@ def add_workplace(
         _add_force_sensors(spec, name)
     for number in range(laid):
         _add_laid(spec, number, sheet, strips, bed.friction)
+
+
+def _touched(by: int, friction: float) -> dict[str, Any]:
+    """Return what makes a geom stop what has these collision bits, and invisible."""
+    return {"contype": 0, "conaffinity": by, "friction": [friction, 0.005, 0.0001], "group": 3}
 
 
 def _show_block(spec: mujoco.MjSpec, block: BedConfig | StandConfig, y_m: float) -> None:
@@ -119,13 +122,12 @@ def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -
     body = spec.worldbody.add_body(name=f"pin_{name}", pos=foot_m)
     radius = pins.diameter_m / 2
     shape = {
-        **DRAWN,
+        **_touched(PINNING, pins.friction),
         **_RUBBED,
         "name": f"pin_{name}",
-        "conaffinity": PINNING,
-        "friction": [pins.friction, 0.005, 0.0001],
         "solimp": _PIN_SOLIMP,
         "rgba": [0.80, 0.65, 0.25, 1.0],
+        "group": 2,
     }
     if pins.tip == "round":
         # The foot's hemisphere is inside the bed.
@@ -171,10 +173,7 @@ def _add_laid(
             type=BOX,
             size=[*size[:2], _LAID_DEPTH_M / 2],
             pos=[0.0, 0.0, half - _LAID_DEPTH_M / 2],
-            contype=0,
-            conaffinity=RESTING,
-            friction=[friction, 0.005, 0.0001],
-            group=3,
+            **_touched(RESTING, friction),
         )
 
 

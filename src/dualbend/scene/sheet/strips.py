@@ -62,10 +62,8 @@ def damping_time(sheet: Sheet, damping_ratio: float) -> float:
 
     ``β = 2 ζ / ω₁`` with ``ω₁ = (4.730/L)² sqrt(EI / ρA)``.
     """
-    mass_per_length = sheet.mass_kg / sheet.length_m
-    omega_1 = (CLAMPED_FIRST_ROOT / sheet.length_m) ** 2 * np.sqrt(
-        sheet.bending_stiffness_nm2 / mass_per_length
-    )
+    EI, mass_per_length = sheet.bending_stiffness_nm2, sheet.mass_kg / sheet.length_m
+    omega_1 = (CLAMPED_FIRST_ROOT / sheet.length_m) ** 2 * np.sqrt(EI / mass_per_length)
     return float(2.0 * damping_ratio / omega_1)
 
 
@@ -106,7 +104,7 @@ def add_sheet(
         springs = hinge_springs(sheet, config)
         for hinge in range(n):
             _add_yielding(spec, hinge, springs, h, sheet.bending_stiffness_nm2 / h)
-    for direction, site, yaw in ((-1, LEFT_END, 0.0), (1, RIGHT_END, np.pi)):
+    for direction, site, yaw in ((-1, LEFT_END, 0.0), (1, RIGHT_END, math.pi)):
         end = _add_half(middle, sheet, config, direction)
         end.add_site(name=site, pos=[direction * h / 2, 0.0, 0.0], quat=about_z(yaw), **SITE)
 
@@ -152,23 +150,19 @@ def _add_half(
     elastic = 1.0 if sheet.plasticity is None else hinge_springs(sheet, config).elastic
     parent, offset = middle, direction * h / 2
     for i in range(n // 2):
-        hinge = n // 2 - 1 - i if direction < 0 else n // 2 + i
-        strip = hinge if direction < 0 else hinge + 1
+        strip = n // 2 + direction * (i + 1)
+        hinge = min(strip, strip - direction)
         body = parent.add_body(name=strip_body(strip), pos=[offset, 0.0, 0.0])
-        body.add_joint(
-            name=bend_joint(hinge),
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=[0.0, float(direction), 0.0],
-            stiffness=elastic * bend,
-            damping=beta * bend,
-        )
+        joints = [(bend_joint(hinge), [0, direction, 0], elastic, bend)]
         if i % _TWIST_EVERY == 0:
+            joints.append((twist_joint(hinge), [direction, 0, 0], 1.0, twist))
+        for name, axis, share, stiffness in joints:
             body.add_joint(
-                name=twist_joint(hinge),
+                name=name,
                 type=mujoco.mjtJoint.mjJNT_HINGE,
-                axis=[float(direction), 0.0, 0.0],
-                stiffness=twist,
-                damping=beta * twist,
+                axis=axis,
+                stiffness=share * stiffness,
+                damping=beta * stiffness,
             )
         length = h / 2 if i == n // 2 - 1 else h
         _fill_strip(body, sheet, length, direction * length / 2)
