@@ -84,10 +84,9 @@ class SerialChain:
             solved = bool(_miss(error).max() < _SOLVED)
             if solved and (posture is None or self.count <= 6):
                 break
-            square = jacobian @ jacobian.transpose(0, 2, 1) + _DAMPING * _miss(error)[
-                :, None, None
-            ] * np.eye(6)
-            inverse = jacobian.transpose(0, 2, 1) @ np.linalg.inv(square)
+            transposed = jacobian.transpose(0, 2, 1)
+            damping = _DAMPING * _miss(error)[:, None, None] * np.eye(6)
+            inverse = transposed @ np.linalg.inv(jacobian @ transposed + damping)
             step = (inverse @ error[..., None])[..., 0]
             if posture is not None and self.count > 6:
                 pull = posture - q

@@ -61,15 +61,12 @@ def find_placement(name: ArmName, targets: Vector, given: Mapping[str, Any]) -> 
     Raises InputError, which says what is missing, where no place lets the arm reach all poses with
     5° of joint-limit margin, clear of itself, of the floor and of the sheet.
     """
-    shape = tuple(targets.shape)
-    return _find(name, np.ascontiguousarray(targets).tobytes(), shape, tuple(given.items()))
+    return _find(name, targets.tobytes(), tuple(given.items()))
 
 
 @functools.lru_cache(maxsize=64)
-def _find(
-    name: ArmName, poses: bytes, shape: tuple[int, ...], given: tuple[tuple[str, Any], ...]
-) -> Placement:
-    return _Search(name, np.frombuffer(poses).reshape(shape), dict(given)).run()
+def _find(name: ArmName, poses: bytes, given: tuple[tuple[str, Any], ...]) -> Placement:
+    return _Search(name, np.frombuffer(poses).reshape(-1, 4, 4), dict(given)).run()
 
 
 class _Search:
@@ -227,8 +224,7 @@ class _Search:
     def _null(self, one: _Tried) -> Vector:
         """Return the motion (1, n) of a redundant arm that leaves the grip where it is."""
         _, grip, axes, points = self._chain.forward(one.q[:, 0])
-        _, _, directions = np.linalg.svd(self._chain.jacobian(grip, axes, points)[0])
-        return np.asarray(directions[6:7])
+        return np.asarray(np.linalg.svd(self._chain.jacobian(grip, axes, points)[0])[2][6:7])
 
     def _rounded(self, one: _Tried) -> _Tried:
         """Return the place in whole millimetres, as a scenario would have it."""

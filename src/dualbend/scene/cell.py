@@ -88,7 +88,8 @@ class GraspConfig(Config):
 
 def robots_only(arms: ArmPair) -> mujoco.MjSpec:
     """Return both arms with their tools and nothing else: no jaws, for IK and inertia."""
-    spec = _empty("dualbend robots")
+    spec = mujoco.MjSpec()
+    spec.modelname, spec.compiler.degree = "dualbend robots", False
     for side in SIDES:
         _add_arm(spec, arms, side, looks=False)
         for joint in arm.JAW_JOINTS:
@@ -115,7 +116,8 @@ def compose_cell(
     bed, pins and stand are there, with room for sheets that were laid before; a shell has no holes.
     Without looks, no mesh of an arm is read.
     """
-    spec = _empty("dualbend")
+    spec = mujoco.MjSpec()
+    spec.modelname, spec.compiler.degree = "dualbend", False
     spec.option.timestep = step_s
     # The only integrator that treats the strips' stiffness implicitly: the highest bending mode
     # of the chain would otherwise ask for steps of 0.1 ms.
@@ -147,21 +149,15 @@ def compose_cell(
             name2=end,
             solref=[_WELD_TIME_S, 1.0],
             solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
+            active=layout is None,
         )
         hold.data[10] = _WELD_TORQUE_SCALE_M
-        hold.active = layout is None
     if layout is not None:
         for side in SIDES:
             _add_jaw_drives(spec, side)
         assert isinstance(division, StripConfig)
         add_workplace(spec, layout, sheet, division, laid_sheets)
         add_holes(spec, sheet, division, layout)
-    return spec
-
-
-def _empty(name: str) -> mujoco.MjSpec:
-    spec = mujoco.MjSpec()
-    spec.modelname, spec.compiler.degree = name, False
     return spec
 
 
@@ -180,11 +176,10 @@ def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> 
     spec.attach(model.spec(looks=looks), frame=frame, prefix=f"{side}_")
     if model.placement is None and origin[2] > _PEDESTAL_FROM_M:
         _add_pedestal(spec.body(f"{side}_base"), float(origin[2]))
-    flange = spec.site(f"{side}_{arm.FLANGE_SITE}")
     tool = arm.load_gripper()
     # Arm and tool share a prefix; two classes of one name would not load again from the XML.
     tool.default.name = "tool_main"
-    spec.attach(tool, site=flange, prefix=f"{side}_")
+    spec.attach(tool, site=f"{side}_{arm.FLANGE_SITE}", prefix=f"{side}_")
 
 
 def _add_pedestal(base: mujoco.MjsBody, height_m: float) -> None:
@@ -208,11 +203,10 @@ def _add_pad(spec: mujoco.MjSpec, grasp: GraspConfig, side: Side) -> None:
     # Its weight is held up, so that the bushing's springs read the sheet alone.
     pad.explicitinertial, pad.mass, pad.gravcomp = True, 0.01, 1.0
     pad.ipos, pad.inertia = [0.0, 0.0, 0.0], [3e-6, 1e-6, 3e-6]
-    kinds = (
+    for name, kind, stiffness in (
         ("slide", mujoco.mjtJoint.mjJNT_SLIDE, grasp.translational_stiffness_n_per_m),
         ("tilt", mujoco.mjtJoint.mjJNT_HINGE, grasp.rotational_stiffness_n_m_per_rad),
-    )
-    for name, kind, stiffness in kinds:
+    ):
         for axis, letter in zip(np.eye(3), "xyz", strict=True):
             pad.add_joint(
                 name=f"{side}_pad_{name}_{letter}",

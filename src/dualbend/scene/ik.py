@@ -17,8 +17,7 @@ from dualbend.types import SIDES, Vector
 Targets = tuple[mink.SE3, mink.SE3]
 """World poses of the left and the right grip frame."""
 
-TOLERANCE_M = 1e-7
-TOLERANCE_RAD = 1e-7
+TOLERANCE_M = TOLERANCE_RAD = 1e-7
 """Residual at which the iteration stops: what is left must make no joint speed to speak of, since
 the sign of a joint's speed decides the friction that is fed forward."""
 
@@ -44,9 +43,8 @@ class IKSolution:
     @property
     def reached(self) -> bool:
         """Both residuals are within the tolerance."""
-        return self.position_residual_m <= TOLERANCE_M and (
-            self.rotation_residual_rad <= TOLERANCE_RAD
-        )
+        near = self.position_residual_m <= TOLERANCE_M
+        return near and self.rotation_residual_rad <= TOLERANCE_RAD
 
 
 class InverseKinematics:

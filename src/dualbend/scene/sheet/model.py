@@ -43,7 +43,6 @@ class StripModel:
     """
 
     def __init__(self, model: mujoco.MjModel, strips: StripConfig) -> None:
-        self._model = model
         bends = [model.joint(bend_joint(i)) for i in range(strips.hinges)]
         self.bend_q = np.array([joint.qposadr[0] for joint in bends])
         self.bend_stiffness = hinge_stiffness(model, 0)
@@ -75,7 +74,7 @@ class ShellModel:
     """The plate's grid of vertices, used like the strips; writes its elasticity into the model."""
 
     def __init__(self, model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
-        self._model, self._sheet, self._config = model, sheet, config
+        self._sheet, self._config = sheet, config
         set_elasticity(model, sheet, config)
         n, rows = config.cells_along, config.cells_across + 2
         self._spacing = sheet.length_m / n

@@ -39,12 +39,9 @@ from dualbend.types import Tagged, Vector, said
 MEMBRANE, BENDING = "sheet_membrane", "sheet_bending"
 """Names of the two flexes."""
 
-_BEND = 1
 _BLOCK, _CELL = 17, 24
 """Numbers that MuJoCo keeps of a hinge, its 4 x 4 form and one for a curved rest shape; and of a
 tetrahedron, the upper half of its 6 x 6 form and three more."""
-
-_ITERATIONS, _TOLERANCE = 3000, 1e-6
 
 _EDGE_MASS_KG, _EDGE_INERTIA_KG_M2 = 0.1, 1e-4
 """Inertia without weight that an edge gets from its gripper, which it is welded to: grams alone,
@@ -69,18 +66,14 @@ class ShellConfig(Tagged, tag="shell"):
         return self.cells_along
 
 
-Vertex = tuple[int, int]
-"""Column and row."""
-
-
 @dataclass(frozen=True)
 class Hinge:
-    """Four vertices whose weighted sum is a curvature [1/m], and their bending stiffness.
+    """Four vertices (column, row), whose weighted sum is a curvature [1/m], and its stiffness.
 
     The energy is ``stiffness |Σ weights_k x_k|² / 2`` with the stiffness D times an area [N m³].
     """
 
-    vertices: tuple[Vertex, Vertex, Vertex, Vertex]
+    vertices: tuple[tuple[int, int], ...]
     weights: tuple[float, float, float, float]
     stiffness: float = 0.0
 
@@ -171,7 +164,7 @@ def add_shell(
     # The rows of a flex are sparse, and its membrane is a million times stiffer than its bending,
     # which the 100 iterations of the default do not always resolve.
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
-    spec.option.iterations, spec.option.tolerance = _ITERATIONS, _TOLERANCE
+    spec.option.iterations, spec.option.tolerance = 3000, 1e-6
     n, m = config.cells_along, config.cells_across
     arcs, rows = column_arcs(sheet, config), row_places(sheet, config)
     h, masses = sheet.length_m / n, sheet.mass_kg * row_shares(sheet, config) / sheet.width_m / n
@@ -225,7 +218,7 @@ def _add_flex(
     # Of any size: they only ask the compiler for room, which set_elasticity fills.
     flex.young, flex.poisson, flex.thickness = sheet.young_pa, 0.0, sheet.thickness_m
     if dimension == 2:
-        flex.elastic2d = _BEND
+        flex.elastic2d = 1  # bending alone
     flex.damping = damping_time(sheet, config.damping_ratio)
     flex.contype = flex.conaffinity = 0
     flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE

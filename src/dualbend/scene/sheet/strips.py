@@ -127,9 +127,8 @@ def _add_yielding(
     spec: mujoco.MjSpec, hinge: int, springs: HingeSprings, h: float, stiffness: float
 ) -> None:
     """Put the yielding springs on a hinge; the joint's own is what never yields."""
-    for i, (share, curvature) in enumerate(
-        zip(springs.share.tolist(), springs.yield_curvature.tolist(), strict=True)
-    ):
+    rows = np.column_stack((springs.share, springs.yield_curvature)).tolist()
+    for i, (share, curvature) in enumerate(rows):
         tendon = spec.add_tendon(name=f"sheet_yield_{hinge:02d}_{i:02d}")
         tendon.wrap_joint(bend_joint(hinge), 1.0)
         tendon.stiffness = [share * stiffness, 0.0, 0.0]
