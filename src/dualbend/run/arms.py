@@ -44,9 +44,7 @@ def _placed(scenario: Scenario, side: Side, targets: Mapping[Side, Vector] | Non
     if len(given) < len(_KEYS):
         try:
             wanted = path_targets(scenario) if targets is None else targets[side]
-            return PlacedArm(
-                model=model, placement=find_placement(model.name, wanted, given).placement
-            )
+            return PlacedArm(model=model, placement=find_placement(model.name, wanted, given))
         except InputError as error:
             raise InputError(f"scenario {scenario.name!r}, {side} arm: {error}") from error
     return PlacedArm(model=model, placement=Placement(**given))
