@@ -12,7 +12,7 @@ from dualbend.beam.material import Material, find_material
 from dualbend.beam.rigidity import Rigidity, searle_parameter
 from dualbend.beam.rod import planar as rod
 from dualbend.beam.sheet import Sheet
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 
 _POISSON, _NO_DENSITY = 0.3, 1.0
 """Without a material: an assumed cross contraction, and a density that does not enter."""
@@ -59,10 +59,8 @@ def bent_sheet(
 
 
 def _named(material: str) -> Material:
-    try:
+    with refusing(f"--material {material}"):
         return find_material(material)
-    except InputError as error:
-        raise InputError(f"--material {material}: {error}") from error
 
 
 def _sheet(

@@ -16,7 +16,7 @@ from dualbend.cli.common import (
     deliver,
     print_json,
 )
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 
 
 @command("dualbend list", name="list")
@@ -114,10 +114,8 @@ def materials(name: str | None, markdown: bool, out: Path | None, as_json: bool)
     from dualbend.beam import material_table
     from dualbend.beam.material import find_material, library
 
-    try:
+    with refusing(f"NAME = {name!r}"):
         shown = library() if name is None else {name: find_material(name)}
-    except InputError as error:
-        raise InputError(f"NAME = {name!r}: {error}") from error
     if as_json:
         text = material_table.as_json(shown)
     elif markdown:
