@@ -81,13 +81,7 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
 
 
 def parse_scenario(text: str, source: str) -> Scenario:
-    """Return the scenario that a resolved TOML text is; ``source`` is named in an error.
-
-    Raises
-    ------
-    InputError
-        It is no TOML, or no scenario.
-    """
+    """Return the scenario of a resolved TOML text; InputError with ``source`` where it is none."""
     return resolve_scenario(parse_toml(text, source), source)
 
 

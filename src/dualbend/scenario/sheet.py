@@ -97,10 +97,7 @@ def make_sheet(config: SheetConfig) -> Sheet:
 def substance(config: SheetConfig) -> Laminate:
     """Return the sheet as a laminate, of one layer where it is of one material.
 
-    Raises
-    ------
-    InputError
-        A material is not in the library, or the laminate would curl.
+    Raises InputError where a material is not in the library, or the laminate would curl.
     """
     if config.layers is None:
         assert config.thickness_m is not None
