@@ -50,6 +50,24 @@ class SearchConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         1.2e-3
     )
 
+    def places(self) -> list[tuple[float, float]]:
+        """Return where to try the middle holes, (x, y) [m], relative to their place.
+
+        In place, then along and across on both sides, then the corners; then further out.
+        """
+        square = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)]
+        rings = [(1 + n // 8, *square[n % 8]) for n in range(self.attempts)]
+        return [(0.0, 0.0), *((n * x * self.step_m, n * y * self.step_m) for n, x, y in rings)]
+
+    def aside(self) -> list[float]:
+        """Return how far the outer holes are turned aside [m]: the middle is on its pins already.
+
+        A quarter of the step: what the middle holes' clearance leaves is less than that of a free
+        sheet.
+        """
+        sides = [0.25 if n % 2 == 0 else -0.25 for n in range(self.attempts)]
+        return [0.0, *((1 + n // 2) * side * self.step_m for n, side in enumerate(sides))]
+
 
 DEFAULT_YIELD_PA = 193e6
 """Of a sheet of no named material: 5052-H32, that of the shipped experiments."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dualbend.run.outcome import TaskStopped
-from dualbend.task.assembly.motions import PHASES, Goal, Pace, Posture, Sensed, interpolate
+from dualbend.task.assembly.motions import PHASES, Pace, Posture, Sensed, interpolate
 from dualbend.types import Vector
 
 MEAN_CYCLES = 18
@@ -52,16 +52,6 @@ class State:
     def laid(self) -> int:
         """Number of sheets that have been laid."""
         return self.row // len(PHASES)
-
-    def goal(self, alpha_ratio: float | None) -> Goal:
-        """Return the goal of the cycle."""
-        return Goal(
-            phase=self.phase,
-            posture=self.posture,
-            alpha_ratio=alpha_ratio,
-            seeking=self.seeking,
-            attempt=self.attempt,
-        )
 
     def stopped(self, reason: str) -> TaskStopped:
         """Return the exception that ends the task in this phase."""
