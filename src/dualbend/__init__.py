@@ -28,10 +28,13 @@ if TYPE_CHECKING:
     from dualbend.report.results import write_results
     from dualbend.run.arms import arm_pair
     from dualbend.run.make import make_run
-    from dualbend.run.record import RunRecord
+    from dualbend.run.planar import PlanarRun
+    from dualbend.run.record import Metric, RunRecord
     from dualbend.run.saved import load_run
     from dualbend.scenario.load import list_scenarios, load_scenario
+    from dualbend.scenario.motion import NominalMotion
     from dualbend.scenario.scenario import Scenario
+    from dualbend.scenario.task import TaskConfig
     from dualbend.stability.prediction import predict
     from dualbend.stability.sampled import LoopElements
 
@@ -44,12 +47,16 @@ __all__ = [
     "ExactPath",
     "InputError",
     "LoopElements",
+    "Metric",
+    "NominalMotion",
     "PiecewiseLinearPath",
+    "PlanarRun",
     "RunRecord",
     "Scenario",
     "Sheet",
     "TablePath",
     "Task",
+    "TaskConfig",
     "arm_pair",
     "critical_rate",
     "elastica",
@@ -74,12 +81,16 @@ _HOMES = {
     "ExactPath": "beam.path",
     "InputError": "errors",
     "LoopElements": "stability.sampled",
+    "Metric": "run.record",
+    "NominalMotion": "scenario.motion",
     "PiecewiseLinearPath": "beam.path",
+    "PlanarRun": "run.planar",
     "RunRecord": "run.record",
     "Scenario": "scenario.scenario",
     "Sheet": "beam.sheet",
     "TablePath": "beam.path",
     "Task": "registry",
+    "TaskConfig": "scenario.task",
     "arm_pair": "run.arms",
     "critical_rate": "control.compliance.object",
     "elastica": "beam.elastica",

@@ -20,7 +20,7 @@ from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import NYQUIST_HZ, FirConfig, IirConfig, LowPass, NoFilterConfig
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.errors import InputError
-from dualbend.stability.margins import Sweep, loop_margins
+from dualbend.stability.margins import loop_margins
 from dualbend.stability.sampled import LoopElements, SampledLoop
 
 Kind = Literal["fir", "iir"]
@@ -147,7 +147,7 @@ def elements(
 def largest_stiffness(parts: LoopElements) -> float:
     """Return the largest k_e, in the unit of k, at which the sampled loop is stable."""
     loop = SampledLoop(parts, np.eye(2), (True, False))
-    return loop_margins(loop, Sweep.of(parts), stable=True).gain
+    return loop_margins(loop, stable=True).gain
 
 
 def sampled_stiffness(
