@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dualbend.recording.log import FRAME_CYCLES
-from dualbend.recording.notes import Notes
-from dualbend.recording.prediction import notes_of
+from dualbend.recording.notes import Notes, notes_of
 from dualbend.recording.scales import LONGEST_ARROW_M, Scales, diverging_colours
 from dualbend.recording.scene import CLEAR_OF_JAWS_M
 from dualbend.recording.write import write_recording

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.evaluation.metrics import WALL_CLOCK
+from dualbend.evaluation.recorded_rod import reference_moments
+from dualbend.evaluation.sheet import no_theory
 from dualbend.recording.layers import layers_of
 from dualbend.recording.log import FRAME_CYCLES
 from dualbend.recording.scales import Scales
@@ -21,17 +26,30 @@ Value = float | Sequence[float | None] | None
 class Notes:
     """What is known of a run beside its trace.
 
-    Parameters
-    ----------
-    metrics
-        Value and unit by name.
-    predicted_moment
-        The moment of an ideal sheet on the left grip at the recorded poses (rows,) [N m]; NaN where
-        none was computed.
+    ``metrics``: value and unit by name. ``predicted_moment``: of an ideal sheet on the left grip at
+    the recorded poses (rows,) [N m]; NaN where none was computed.
     """
 
     metrics: Mapping[str, tuple[Value, str]]
     predicted_moment: Vector
+
+
+def notes_of(result: RunRecord) -> Notes:
+    """Return the run's metrics and, every third cycle, the rod's moment on the left grip.
+
+    At the sheet's own edges, so that the pads' compliance is not in the difference. None of a sheet
+    that may yield, which the elastic rod does not know.
+    """
+    metrics = result.metrics.items()
+    named = {name: (m.value, m.unit) for name, m in metrics if name not in WALL_CLOCK}
+    count = result.trace.rows
+    predicted = np.full(count, np.nan)
+    if count and not no_theory(result.scenario):
+        shown = np.unique(np.append(np.arange(0, count, FRAME_CYCLES), count - 1))
+        rows = layers_of(result).predictable(result, shown)
+        if rows.size:
+            predicted[rows] = reference_moments(result, "edge", rows)
+    return Notes(metrics=named, predicted_moment=predicted)
 
 
 _NOT_PREDICTED = (

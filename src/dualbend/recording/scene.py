@@ -172,28 +172,31 @@ def _ribbon(result: RunRecord, motion: Motion) -> Vector:
     hinged = strips[: hinges // 2] + strips[hinges // 2 + 1 :]
     left, right = motion.ends[:, :1], motion.ends[:, 1:]
     places = np.concatenate((left, motion.place[:, hinged], right), axis=1)
-    w, x, y, z = np.moveaxis(motion.quaternion[:, [hinged[0], *hinged, hinged[-1]]], -1, 0)
-    y_axes = np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)), -1)
-    across = 0.5 * result.scenario.sheet.width_m * y_axes
+    along = [hinged[0], *hinged, hinged[-1]]
+    across = 0.5 * result.scenario.sheet.width_m * _y_axes(motion.quaternion[:, along])
     return np.concatenate((places - across, places + across), axis=1)
 
 
 def _shell_ribbon(result: RunRecord, shell: ShellConfig, motion: Motion) -> Vector:
     """Return the same of a plate; the columns that the grips hold are on the way to the next."""
+    sites = [result.model.site(name).id for name in (LEFT_END, RIGHT_END)]
+    across = _y_axes(motion.quaternion[:, result.model.site_bodyid[sites]])
+    across *= 0.5 * result.scenario.sheet.width_m * np.array([1.0, -1.0])[:, None]
     edges = []
-    for row in (0, shell.cells_across + 1):
+    for row, sign in ((0, -1.0), (shell.cells_across + 1, 1.0)):
         free = [result.model.body(vertex_body(i, row)).id for i in range(2, shell.cells_along)]
         inner = motion.place[:, free]
-        sites = [result.model.site(name).id for name in (LEFT_END, RIGHT_END)]
-        bodies = result.model.site_bodyid[sites]
-        w, x, y, z = np.moveaxis(motion.quaternion[:, bodies], -1, 0)
-        across = np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)))
-        side = 0.5 * result.scenario.sheet.width_m * np.array([1.0, -1.0])[:, None]
-        ends = motion.ends + (-1.0 if row == 0 else 1.0) * side * np.moveaxis(across, 0, -1)
+        ends = motion.ends + sign * across
         left, right = ends[:, :1], ends[:, 1:]
         held = (2 * left + inner[:, :1]) / 3, (2 * right + inner[:, -1:]) / 3
         edges.append(np.concatenate((left, held[0], inner, held[1], right), axis=1))
     return np.concatenate(edges, axis=1)
+
+
+def _y_axes(quaternion: Vector) -> Vector:
+    """Return the y axes (..., 3) of frames turned by quaternions (..., 4; w first)."""
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    return np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)), -1)
 
 
 def _log_wrench(log: RecordingLog, trace: Trace, side: str, sign: float, scales: Scales) -> None:

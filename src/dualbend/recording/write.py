@@ -15,12 +15,11 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.recording import plots
 from dualbend.recording.layers import layers_of
 from dualbend.recording.layout import layout
-from dualbend.recording.log import FRAME_CYCLES, RecordingLog, Times
+from dualbend.recording.log import FRAME_CYCLES, RecordingLog, new_stream, row_times
 from dualbend.recording.notes import Notes, guide, story, words
 from dualbend.recording.scales import Scales
 from dualbend.recording.scene import log_paths, log_scene
 from dualbend.run.record import RunRecord
-from dualbend.run.trace import Trace
 
 _PREDICTED_COLOUR = [105, 240, 174]
 _OUTCOME_COLOURS = {
@@ -52,7 +51,7 @@ def write_recording(result: RunRecord, path: Path, notes: Notes | None = None) -
     stream = open_stream(result)
     stream.save(path, default_blueprint=layout(result))
     try:
-        log, scales = RecordingLog(stream, row_times(result.trace)), Scales.of(result)
+        log, scales = RecordingLog(stream, row_times(result)), Scales.of(result)
         log_texts(log, result, scales, notes)
         log_scene(log, result, scales)
         log_run(log, result)
@@ -65,21 +64,13 @@ def write_recording(result: RunRecord, path: Path, notes: Notes | None = None) -
 
 def open_stream(result: RunRecord, kind: str = "") -> rr.RecordingStream:
     """Return a stream for the run; one of another ``kind`` is another recording."""
-    scenario = result.scenario
-    name = f"{scenario.name}, seed {scenario.seed}"
     # Two runs of one name with other settings are two recordings, not one with doubled data.
-    digest = hashlib.sha256(scenario.to_toml().encode()).hexdigest()[:8]
-    stream = rr.RecordingStream(
-        "dualbend", recording_id=f"{name}, {digest}{kind}", send_properties=False
-    )
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
-    return stream
+    digest = hashlib.sha256(result.scenario.to_toml().encode()).hexdigest()[:8]
+    return new_stream(f"{_name(result)}, {digest}{kind}")
 
 
-def row_times(trace: Trace) -> Times:
-    """Return the times of the rows (rows,) in whole nanoseconds."""
-    return np.rint(1e9 * trace["time"]).astype("timedelta64[ns]")
+def _name(result: RunRecord) -> str:
+    return f"{result.scenario.name}, seed {result.scenario.seed}"
 
 
 def log_texts(
@@ -91,7 +82,7 @@ def log_texts(
     ended: bool = True,
 ) -> None:
     """Log the guide, the outcome with its metrics, and the scenario."""
-    log.stream.send_recording_name(f"{result.scenario.name}, seed {result.scenario.seed}")
+    log.stream.send_recording_name(_name(result))
     markdown = {"guide": guide(result, scales), "outcome": story(result, notes, ended=ended)}
     for entity, text in markdown.items():
         log.replace(entity, rr.TextDocument(text, media_type="text/markdown"))
@@ -118,18 +109,13 @@ def log_predicted(log: RecordingLog, notes: Notes) -> None:
 
 
 def log_lanes(log: RecordingLog, result: RunRecord) -> None:
-    """Log the lanes: phases, sheets of a book, and at the end of the run how it ended."""
-    if log.ended:
-        layers_of(result).log_lanes(log, result)
-    _log_phases(log, result)
-
-
-def _log_phases(log: RecordingLog, result: RunRecord) -> None:
-    """Log when each phase began and, one cycle after the last row, how the run ended.
+    """Log the lanes: phases, sheets of a book, and one cycle after the last row how the run ended.
 
     The lane goes on after the run and is reset there: a state is drawn up to the next change.
     """
     layers = layers_of(result)
+    if log.ended:
+        layers.log_lanes(log, result)
     names = layers.states(result)
     colours = layers.colours(result, names) | _OUTCOME_COLOURS
     starts = [
