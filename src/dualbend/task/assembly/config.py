@@ -111,14 +111,6 @@ class ErrorsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
         float, msgspec.Meta(ge=0, description="true friction over the believed one")
     ] = 1.0
 
-    def true_sheet(self, sheet: Sheet) -> Sheet:
-        """Return the sheet as it is."""
-        return replace(
-            sheet,
-            thickness_m=sheet.thickness_m * self.thickness_factor,
-            young_pa=sheet.young_pa * self.modulus_factor,
-        )
-
 
 class SpreadConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Standard deviations of what differs from sheet to sheet; those without a unit are relative.
@@ -185,12 +177,12 @@ class AssemblyConfig(TaskConfig, frozen=True, kw_only=True, tag="assembly"):
     @property
     def workplace(self) -> LayoutConfig:
         """The workplace with the friction that it really has."""
-        factor, layout = self.errors.friction_factor, self.layout
-        return msgspec.structs.replace(
-            layout,
-            pins=msgspec.structs.replace(layout.pins, friction=layout.pins.friction * factor),
-            bed=msgspec.structs.replace(layout.bed, friction=layout.bed.friction * factor),
-        )
+        factor = self.errors.friction_factor
+        parts = {
+            name: msgspec.structs.replace(part, friction=part.friction * factor)
+            for name, part in (("pins", self.layout.pins), ("bed", self.layout.bed))
+        }
+        return msgspec.structs.replace(self.layout, **parts)
 
     def check(self, sheet: SheetConfig, motion: MotionConfig) -> None:
         """Refuse a sheet that yields or has no holes, and a motion that goes back."""
@@ -210,7 +202,11 @@ class AssemblyConfig(TaskConfig, frozen=True, kw_only=True, tag="assembly"):
 
     def true_sheet(self, sheet: Sheet) -> Sheet:
         """Return the sheet as it is."""
-        return self.errors.true_sheet(sheet)
+        return replace(
+            sheet,
+            thickness_m=sheet.thickness_m * self.errors.thickness_factor,
+            young_pa=sheet.young_pa * self.errors.modulus_factor,
+        )
 
     def limit_strain(self, known: float | None, sheet: Sheet) -> float:
         """Return the strain at the given yield strength, or the material's, or the default."""
