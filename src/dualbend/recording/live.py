@@ -24,12 +24,18 @@ import rerun as rr
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError
-from dualbend.recording.layout import layout
 from dualbend.recording.log import FRAME_CYCLES, RecordingLog, row_times
 from dualbend.recording.notes import Notes
 from dualbend.recording.scales import Scales
 from dualbend.recording.scene import log_scene
-from dualbend.recording.write import log_lanes, log_predicted, log_run, log_texts, open_stream
+from dualbend.recording.write import (
+    layout,
+    log_lanes,
+    log_predicted,
+    log_run,
+    log_texts,
+    open_stream,
+)
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord, Scene
 from dualbend.run.trace import Trace
@@ -96,15 +102,8 @@ class LiveRecording:
 
     A context: it follows the run inside. :meth:`note` is for the loop, :meth:`end` streams the
     rest. What goes wrong here ends the picture, not the run: ``problem`` says what it was.
-
-    Parameters
-    ----------
-    run
-        The run, before its start.
-    address
-        Of a viewer that answers, from :func:`check_viewer`.
-    path
-        File to write while the run goes on: what is there survives whatever ends the process.
+    ``address`` is of a viewer that answers, from :func:`check_viewer`. What is in the file
+    survives whatever ends the process.
     """
 
     def __init__(self, run: Run, address: str, path: Path | None) -> None:

@@ -42,16 +42,9 @@ def row_times(run: RunRecord) -> Times:
 class RecordingLog:
     """A stream and the times of the trace's rows, in whole nanoseconds.
 
-    Parameters
-    ----------
-    stream, times
-        Where to, and when.
-    begin
-        The run's row that is the first of ``times``.
-    done
-        Rows of ``times`` that were logged before, and with them all that is logged once.
-    ended
-        The last of ``times`` is the run's last: the scene is shown there too.
+    ``begin``: the run's row that is the first of ``times``. ``done``: rows of ``times`` that were
+    logged before, and with them all that is logged once. ``ended``: the last of ``times`` is the
+    run's last, and the scene is shown there too.
     """
 
     stream: rr.RecordingStream

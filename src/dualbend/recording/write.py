@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.recording import plots
 from dualbend.recording.layers import layers_of
-from dualbend.recording.layout import layout
-from dualbend.recording.log import FRAME_CYCLES, RecordingLog, new_stream, row_times
+from dualbend.recording.log import FRAME_CYCLES, TIMELINE, RecordingLog, new_stream, row_times
 from dualbend.recording.notes import Notes, guide, story, words
 from dualbend.recording.scales import Scales
 from dualbend.recording.scene import log_paths, log_scene
@@ -28,6 +28,9 @@ _OUTCOME_COLOURS = {
     "protective stop": 0xFFB300FF,
     "failed": 0xEF5350FF,
 }
+
+_SIDE_BY_SIDE = 3
+"""Plots that are seen at once; the others share a place as tabs."""
 
 _LANE = 0.1
 """Length of the outcome in the lane of phases, over that of the run."""
@@ -132,3 +135,36 @@ def log_lanes(log: RecordingLog, result: RunRecord) -> None:
     )
     log.replace("phase", look)
     log.send("phase", times, rr.StateChange.columns(state=shown))
+
+
+def layout(result: RunRecord) -> rrb.Blueprint:
+    """Return the viewer's layout for the run: its views, shares, legends and time panel."""
+    layers = layers_of(result)
+    views = layers.views(result)
+    reading = rrb.TextDocumentView(origin="guide", name="How to read this")
+    results = rrb.Tabs(
+        rrb.TextDocumentView(origin="outcome", name="Outcome and metrics"),
+        rrb.TextDocumentView(origin="scenario", name="Scenario"),
+    )
+    texts = rrb.Horizontal(views.near, reading, results, column_shares=[1.0, 0.8, 0.9])
+    scenes = [rrb.Horizontal(*views.top, column_shares=[1.4, 1.0]), texts, views.lane]
+    # What ended a run is at the right of its series; what a completed one shows is at the left.
+    done = result.outcome == "completed"
+    series = [
+        rrb.TimeSeriesView(
+            origin=origin,
+            name=title,
+            plot_legend=rrb.Corner2D.RightTop if done else rrb.Corner2D.LeftTop,
+            axis_y=rrb.ScalarAxis(range=near) if (near := layers.ranges.get(origin)) else None,
+        )
+        for origin, title in layers.titles.items()
+    ]
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(*scenes, row_shares=list(views.shares)),
+            rrb.Vertical(*series[:_SIDE_BY_SIDE], rrb.Tabs(*series[_SIDE_BY_SIDE:])),
+            column_shares=[3, 2],
+        ),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        collapse_panels=True,
+    )

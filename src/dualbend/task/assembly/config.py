@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Annotated
 
 import msgspec
+from msgspec import Meta
 
 from dualbend.beam.sheet import Sheet
 from dualbend.control.compliance.object import ObjectComplianceConfig
@@ -17,38 +18,30 @@ from dualbend.scenario.sheet import SheetConfig
 from dualbend.scenario.task import TaskConfig
 from dualbend.scene.bed.config import LayoutConfig
 
-Positive = Annotated[float, msgspec.Meta(gt=0)]
-NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+Positive = Annotated[float, Meta(gt=0)]
+NotNegative = Annotated[float, Meta(ge=0)]
 
 
 class SpeedsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Highest speed of each kind of motion."""
 
-    travel_m_per_s: Annotated[
-        Positive, msgspec.Meta(description="of sheet or grippers in free motion")
-    ] = 0.25
-    contact_m_per_s: Annotated[
-        Positive, msgspec.Meta(description="down past the tips of the pins")
-    ] = 0.003
-    seat_m_per_s: Annotated[Positive, msgspec.Meta(description="down from there to the bed")] = (
-        0.010
+    travel_m_per_s: Annotated[Positive, Meta(description="of sheet or grippers in free motion")] = (
+        0.25
     )
+    contact_m_per_s: Annotated[Positive, Meta(description="down past the tips of the pins")] = 0.003
+    seat_m_per_s: Annotated[Positive, Meta(description="down from there to the bed")] = 0.010
     unfold_rad_per_s: Annotated[
-        Positive, msgspec.Meta(description="of unfolding and turning in free motion")
+        Positive, Meta(description="of unfolding and turning in free motion")
     ] = 0.1
-    contact_rad_per_s: Annotated[
-        Positive, msgspec.Meta(description="of unfolding onto the pins")
-    ] = 0.03
-    jaw_m_per_s: Annotated[Positive, msgspec.Meta(description="of each jaw")] = 0.02
+    contact_rad_per_s: Annotated[Positive, Meta(description="of unfolding onto the pins")] = 0.03
+    jaw_m_per_s: Annotated[Positive, Meta(description="of each jaw")] = 0.02
 
 
 class SearchConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What is done where a hole did not find its pin: up, aside, down again."""
 
-    attempts: Annotated[int, msgspec.Meta(ge=0, le=50, description="before the task stops")] = 6
-    step_m: Annotated[Positive, msgspec.Meta(description="between the places that are tried")] = (
-        1.2e-3
-    )
+    attempts: Annotated[int, Meta(ge=0, le=50, description="before the task stops")] = 6
+    step_m: Annotated[Positive, Meta(description="between the places that are tried")] = 1.2e-3
 
     def places(self) -> list[tuple[float, float]]:
         """Return where to try the middle holes, (x, y) [m], relative to their place.
@@ -76,15 +69,12 @@ DEFAULT_YIELD_PA = 193e6
 class LimitsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What damages the sheet or a pin: beyond it the run fails."""
 
-    pin_force_n: Annotated[Positive, msgspec.Meta(description="largest force on a pin")] = 40.0
+    pin_force_n: Annotated[Positive, Meta(description="largest force on a pin")] = 40.0
     edge_force_n: Annotated[
-        Positive, msgspec.Meta(description="largest force of one contact at a hole's edge")
+        Positive, Meta(description="largest force of one contact at a hole's edge")
     ] = 40.0
     yield_pa: (
-        Annotated[
-            float,
-            msgspec.Meta(gt=0, description="0.2 % yield strength; none: the sheet's, or 193 MPa"),
-        ]
+        Annotated[Positive, Meta(description="0.2 % yield strength; none: the sheet's, or 193 MPa")]
         | None
     ) = None
 
@@ -92,23 +82,19 @@ class LimitsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 class ErrorsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What is otherwise than the robots believe; they are not told."""
 
-    pickup_x_m: Annotated[float, msgspec.Meta(description="how far the sheet lies off along x")] = (
-        0.0
-    )
-    pickup_y_m: Annotated[float, msgspec.Meta(description="how far the sheet lies off along y")] = (
-        0.0
-    )
+    pickup_x_m: Annotated[float, Meta(description="how far the sheet lies off along x")] = 0.0
+    pickup_y_m: Annotated[float, Meta(description="how far the sheet lies off along y")] = 0.0
     pickup_yaw_rad: Annotated[
-        float, msgspec.Meta(description="how far the sheet lies turned about the vertical")
+        float, Meta(description="how far the sheet lies turned about the vertical")
     ] = 0.0
     thickness_factor: Annotated[
-        Positive, msgspec.Meta(description="true thickness over the believed one")
+        Positive, Meta(description="true thickness over the believed one")
     ] = 1.0
     modulus_factor: Annotated[
-        Positive, msgspec.Meta(description="true Young's modulus over the believed one")
+        Positive, Meta(description="true Young's modulus over the believed one")
     ] = 1.0
     friction_factor: Annotated[
-        float, msgspec.Meta(ge=0, description="true friction over the believed one")
+        float, Meta(ge=0, description="true friction over the believed one")
     ] = 1.0
 
 
@@ -118,51 +104,39 @@ class SpreadConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     ``hole_m`` is that of each hole along the sheet, and across it.
     """
 
-    pickup_x_m: Annotated[
-        NotNegative, msgspec.Meta(description="of where the sheet lies along x")
-    ] = 0.3e-3
-    pickup_y_m: Annotated[
-        NotNegative, msgspec.Meta(description="of where the sheet lies along y")
-    ] = 0.3e-3
-    pickup_yaw_rad: Annotated[
-        NotNegative, msgspec.Meta(description="of its turn about the vertical")
-    ] = math.radians(0.2)
-    hole_m: Annotated[
-        NotNegative, msgspec.Meta(description="of each hole's place, along and across")
-    ] = 0.01e-3
-    thickness: Annotated[
-        NotNegative, msgspec.Meta(description="of true over believed thickness")
-    ] = 0.02
-    modulus: Annotated[
-        NotNegative, msgspec.Meta(description="of true over believed Young's modulus")
-    ] = 0.02
-    friction: Annotated[NotNegative, msgspec.Meta(description="of true over believed friction")] = (
-        0.2
+    pickup_x_m: Annotated[NotNegative, Meta(description="of where the sheet lies along x")] = 0.3e-3
+    pickup_y_m: Annotated[NotNegative, Meta(description="of where the sheet lies along y")] = 0.3e-3
+    pickup_yaw_rad: Annotated[NotNegative, Meta(description="of its turn about the vertical")] = (
+        math.radians(0.2)
     )
+    hole_m: Annotated[NotNegative, Meta(description="of each hole's place, along and across")] = (
+        0.01e-3
+    )
+    thickness: Annotated[NotNegative, Meta(description="of true over believed thickness")] = 0.02
+    modulus: Annotated[NotNegative, Meta(description="of true over believed Young's modulus")] = (
+        0.02
+    )
+    friction: Annotated[NotNegative, Meta(description="of true over believed friction")] = 0.2
 
 
 class AssemblyConfig(TaskConfig, frozen=True, kw_only=True, tag="assembly"):
     """Lay sheets with holes over alignment pins: the workplace, and how the robots work there."""
 
     layout: LayoutConfig = LayoutConfig()
-    sheets: Annotated[int, msgspec.Meta(ge=1, le=10, description="of the stack")] = 1
+    sheets: Annotated[int, Meta(ge=1, le=10, description="of the stack")] = 1
     errors: ErrorsConfig = ErrorsConfig()
     spread: SpreadConfig = SpreadConfig()
     speeds: SpeedsConfig = SpeedsConfig()
     search: SearchConfig = SearchConfig()
     limits: LimitsConfig = LimitsConfig()
     compliance: ObjectComplianceConfig | None = None
-    lift_m: Annotated[float, msgspec.Meta(gt=0, le=0.5, description="above stand and bed")] = 0.05
-    retreat_m: Annotated[float, msgspec.Meta(gt=0, le=0.3, description="from the sheet's end")] = (
-        0.05
-    )
-    jaw_opening_m: Annotated[float, msgspec.Meta(gt=0, le=0.015, description="of each jaw")] = 0.012
+    lift_m: Annotated[float, Meta(gt=0, le=0.5, description="above stand and bed")] = 0.05
+    retreat_m: Annotated[float, Meta(gt=0, le=0.3, description="from the sheet's end")] = 0.05
+    jaw_opening_m: Annotated[float, Meta(gt=0, le=0.015, description="of each jaw")] = 0.012
     press_m: Annotated[
-        float, msgspec.Meta(ge=0, le=0.01, description="lower than the middle would need")
+        float, Meta(ge=0, le=0.01, description="lower than the middle would need")
     ] = 0.2e-3
-    timeout_s: Annotated[
-        float, msgspec.Meta(gt=0, le=600, description="to wait for a phase's end")
-    ] = 10.0
+    timeout_s: Annotated[float, Meta(gt=0, le=600, description="to wait for a phase's end")] = 10.0
 
     @property
     def carried_share(self) -> float:

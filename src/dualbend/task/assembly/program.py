@@ -101,17 +101,22 @@ class AssemblyProgram:
 
     def _lay(self, layer: int) -> Sequence[Phase]:
         """Return the phases that lay a sheet on this many others."""
-        config, start, move, settle = self.config, self.start, self._move, self._settle
+        config, start, move, wait = self.config, self.start, self._move, self._wait
         t, weight = self.sheet.thickness_m, self.sheet.mass_kg * GRAVITY_M_PER_S2
         over = self._seat_z(layer) + config.lift_m
         back = [move(z=over), move(x=0.0, y=start.y, yaw=0.0), move(z=start.z)] if layer else []
         slow = replace(self.pace, angular_rad_per_s=self.bend_speed_rad_per_s)
-        closed = self._wait(
-            quantity=State.jaw_travel, below=0.1 * t, otherwise="the jaws have not come to rest"
+        # The grips are where they were sent, and the noise has been averaged out.
+        settle = partial(
+            wait,
+            quantity=State.grip_error,
+            below=1e-3,
+            otherwise="the grips are not where they were sent",
+            rest_cycles=MEAN_CYCLES,
         )
-        opened = self._wait(
-            quantity=State.jaw_gap, above=1.6 * start.opening, otherwise="the jaws have not opened"
-        )
+        rest, gap = "the jaws have not come to rest", "the jaws have not opened"
+        closed = wait(quantity=State.jaw_travel, below=0.1 * t, otherwise=rest)
+        opened = wait(quantity=State.jaw_gap, above=1.6 * start.opening, otherwise=gap)
         middle, outer = self._middle_holes(layer), self._outer_holes()
         touch = self._unfold_to_touch(layer)
         return [
@@ -219,16 +224,6 @@ class AssemblyProgram:
             bottom=to[holes.coordinate],
             top=top,
             timeout_s=self.config.timeout_s,
-        )
-
-    def _settle(self, alpha_ratio: float | None = None) -> Wait:
-        """Stay until the grips are where they were sent and the noise has been averaged out."""
-        return self._wait(
-            quantity=State.grip_error,
-            below=1e-3,
-            otherwise="the grips are not where they were sent",
-            rest_cycles=MEAN_CYCLES,
-            alpha_ratio=alpha_ratio,
         )
 
 

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 
 from dualbend.errors import InputError
 from dualbend.scenario.motion import MotionConfig, NominalMotion
@@ -22,6 +23,8 @@ from dualbend.types import Vector
 SHORTEST_SETTLE_S = 0.25
 """The errors come in while the arms settle: faster, the sheet would be struck."""
 
+Tilt = Annotated[float, Meta(ge=-0.5, le=0.5)]
+
 _ORDER = ("lateral_m", "roll_rad", "yaw_rad")
 
 
@@ -29,14 +32,10 @@ class GripError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """How the sheet's edge stands off the gripper's frame G: R_GE = R_z(yaw) R_x(roll)."""
 
     lateral_m: Annotated[
-        float, msgspec.Meta(ge=-0.05, le=0.05, description="across the sheet, along y_G")
+        float, Meta(ge=-0.05, le=0.05, description="across the sheet, along y_G")
     ] = 0.0
-    roll_rad: Annotated[
-        float, msgspec.Meta(ge=-0.5, le=0.5, description="about x_G, which points into the sheet")
-    ] = 0.0
-    yaw_rad: Annotated[
-        float, msgspec.Meta(ge=-0.5, le=0.5, description="about z_G, the jaws' normal")
-    ] = 0.0
+    roll_rad: Annotated[Tilt, Meta(description="about x_G, which points into the sheet")] = 0.0
+    yaw_rad: Annotated[Tilt, Meta(description="about z_G, the jaws' normal")] = 0.0
 
 
 class MisalignmentConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
