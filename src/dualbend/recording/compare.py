@@ -8,11 +8,12 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from dualbend.recording.geometry import DECIMALS, in_world
 from dualbend.recording.layers import view
 from dualbend.recording.log import TIMELINE, RecordingLog, new_stream, row_times
 from dualbend.recording.plots import BRIGHT, DULL
 from dualbend.run.record import RunRecord
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES
 
 _PHASE_COLOURS = (0x78909CFF, 0x42A5F5FF, 0x7E57C2FF, 0x26A69AFF, 0xFFB300FF, 0xEC407AFF)
 
@@ -31,11 +32,7 @@ def write_compared_recording(
 
     ``/{quantity}/a`` and ``/{quantity}/b`` are the runs', units in the names of the series;
     ``/grips`` has the grips and their ways in 3D (world frame, m). ``text`` is shown beside them.
-
-    Raises
-    ------
-    OSError
-        ``path`` cannot be written.
+    OSError where ``path`` cannot be written.
     """
     path.write_bytes(b"")  # refuses a bad path; rerun itself would only warn
     name = f"{labels[0]} and {labels[1]}"
@@ -78,8 +75,7 @@ def _log_plots(log: RecordingLog, run: RunRecord, label: str, i: int) -> None:
 
 def _log_grips(log: RecordingLog, run: RunRecord, label: str, i: int) -> None:
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        place: Vector = np.stack([run[f"{side}_grip_{axis}"] for axis in "xyz"], axis=1)
-        place = (place * [sign, sign, 1.0]).round(6)
+        place = in_world(run, f"{side}_grip", sign).round(DECIMALS)
         entity = f"grips/{'ab'[i]}/{side}"
         look = rr.Points3D.from_fields(colors=BRIGHT[i], radii=0.005, labels=f"{label} {side}")
         log.once(entity, look)

@@ -27,12 +27,7 @@ def refuse_overload(
 
     Statics: gravity of arm and tool, half the sheet's weight, its end force and the moment of the
     first piece at the grip must stay below every joint's torque limit. Weights alone are compared
-    with the rated payload.
-
-    Raises
-    ------
-    InputError
-        With the arm, the joint and both numbers.
+    with the rated payload. InputError names the arm, the joint and both numbers.
     """
     data = mujoco.MjData(robots)
     for side, placed in zip(SIDES, arms, strict=True):

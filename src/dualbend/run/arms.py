@@ -102,13 +102,7 @@ def joint_stiffness(scenario: Scenario) -> Vector:
 
 
 def one_kind(arms: ArmPair, what: str) -> ArmPair:
-    """Return the arms if they are alike.
-
-    Raises
-    ------
-    InputError
-        They are not, and what is computed of one arm would not be true of the other.
-    """
+    """Return the arms; InputError where what is computed of one is not true of the other."""
     if not arms.alike:
         raise InputError(
             f"{what} is computed of one arm and needs two of a kind that stand alike, not "

@@ -230,12 +230,8 @@ class AssemblyProgram:
 def middle_force(sheet: Sheet, path: BendingPath, height_m: float) -> float:
     """Return the force [N] that holds the bent sheet's middle this much above its place.
 
-    Twice the end force of half the sheet, its middle level between two rigid grips.
-
-    Raises
-    ------
-    InputError
-        No equilibrium of the sheet was found.
+    Twice the end force of half the sheet, its middle level between two rigid grips. InputError
+    where no equilibrium is found.
     """
     bend_rad = float(path.knots[-1])
     half, rise = path.at(bend_rad)

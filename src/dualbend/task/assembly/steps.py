@@ -56,7 +56,8 @@ class Move(Step):
                 name: value[state.attempt] if isinstance(value, tuple) else value
                 for name, value in self.to.items()
             }
-            state.set_out(replace(state.posture, **target), self.pace)
+            state.begin, state.end = state.posture, replace(state.posture, **target)
+            state.cycles = self.pace.cycles(state.begin, state.end)
         return state.go_on()
 
 
@@ -203,8 +204,9 @@ class CheckWeight(Step):
     weight_n: float
 
     def advance(self, state: State) -> bool:
-        """Allow for half of the weight."""
-        carried = state.carried()
+        """Compare what has been added to the empty grippers; allow for half of the weight."""
+        assert state.empty is not None
+        carried = float(state.empty.net[2] - state.mean().net[2])
         if not 0.5 * self.weight_n < carried < 1.5 * self.weight_n:
             raise state.stopped(
                 f"the arms carry {carried:.2f} N, the sheet weighs {self.weight_n:.2f} N"
