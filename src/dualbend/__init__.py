@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from dualbend.beam.rod.planar import solve_planar, solve_symmetric
     from dualbend.beam.sheet import Sheet
     from dualbend.control.clock import COMMAND_PERIOD_S
-    from dualbend.control.compliance.admittance import Deviation
     from dualbend.control.compliance.object import critical_rate
+    from dualbend.control.controller import Observation
     from dualbend.errors import InputError
     from dualbend.planning.plan import plan_assembly
     from dualbend.registry import TASKS, Task
@@ -43,12 +43,12 @@ __all__ = [
     "TASKS",
     "ApproximatePath",
     "BendingPath",
-    "Deviation",
     "ExactPath",
     "InputError",
     "LoopElements",
     "Metric",
     "NominalMotion",
+    "Observation",
     "PiecewiseLinearPath",
     "PlanarRun",
     "RunRecord",
@@ -77,12 +77,12 @@ _HOMES = {
     "TASKS": "registry",
     "ApproximatePath": "beam.path",
     "BendingPath": "beam.path",
-    "Deviation": "control.compliance.admittance",
     "ExactPath": "beam.path",
     "InputError": "errors",
     "LoopElements": "stability.sampled",
     "Metric": "run.record",
     "NominalMotion": "scenario.motion",
+    "Observation": "control.controller",
     "PiecewiseLinearPath": "beam.path",
     "PlanarRun": "run.planar",
     "RunRecord": "run.record",

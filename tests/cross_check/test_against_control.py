@@ -11,8 +11,7 @@ import pytest
 from cross_check_rows import Report
 from numpy.typing import NDArray
 
-from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.filters import NYQUIST_HZ
+from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.margins import eigenloci, loop_margins

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dualbend.arm import mjcf as arm
 from dualbend.arm.model import scene_joints
 from dualbend.beam import elastica
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.run.arms import arm_pair, joint_stiffness
@@ -365,7 +366,10 @@ def track(cell: Cell, goals: Array) -> tuple[Array, Array]:
     simulation = cell.simulation()
     simulation.data.eq_active[:] = 0  # the sheet falls: its load is not the servo's tracking
     response = CommandResponse(
-        CommandResponseConfig(natural_frequency_hz=2.5, damping_ratio=1.0), 12, simulation.steps
+        CommandResponseConfig(natural_frequency_hz=2.5, damping_ratio=1.0),
+        12,
+        simulation.steps,
+        period_s=COMMAND_PERIOD_S,
     )
     response.reset(cell.home)
     followed, wanted = [], []

@@ -10,6 +10,7 @@ from dualbend.run.known_sheet import known_sheet
 from dualbend.scenario.load import load_scenario
 from dualbend.stability.margins import loop_margins
 from dualbend.stability.sampled import LoopElements, SampledLoop
+from dualbend.types import PlanarPose
 
 ALPHA_RAD = 0.3
 
@@ -25,13 +26,13 @@ def test_a_stream_of_calls_equals_the_state_space(axes: tuple[bool, bool]) -> No
     loop = SampledLoop(elements, np.eye(2), axes, alpha_rad=ALPHA_RAD)
     admittance = elements.admittance
     assert isinstance(admittance, ModelAdmittance)
-    known, pose = known_sheet(scenario), np.array([-0.19, 0.7, ALPHA_RAD])
+    known, pose = known_sheet(scenario), PlanarPose(np.array([-0.19, 0.7, ALPHA_RAD]))
     point = admittance.point(ALPHA_RAD)
     loads = np.random.default_rng(1).standard_normal((80, 2)) * [0.01, 0.0005]
     for load, expected in zip(loads, loop.admittance.simulate(loads), strict=True):
         force_x = float(point.reference[0] + load[0])
-        out = admittance.comply(force_x, known.force_z_n, float(load[1]), pose)
-        assert [out.dx_m, out.dalpha_rad] == pytest.approx(expected.tolist(), rel=1e-8, abs=1e-15)
+        out = admittance.comply(np.array([force_x, known.force_z_n, load[1]]), pose)
+        assert out == pytest.approx(expected.tolist(), rel=1e-8, abs=1e-15)
 
 
 def test_a_predictor_with_the_right_model_has_at_least_6_db_and_60_degrees() -> None:

@@ -64,7 +64,7 @@ def one_joint() -> tuple[CompliantArm, JointServo]:
 @pytest.mark.parametrize("age", [1, 6, STEPS, STEPS + 3])
 def test_the_cycle_is_what_mujoco_steps(age: int) -> None:
     arm, servo = one_joint()
-    response = CommandResponse(CommandResponseConfig(), 1, STEPS)
+    response = CommandResponse(CommandResponseConfig(), 1, STEPS, period_s=COMMAND_PERIOD_S)
     cycle, cycles = arm.cycle(response, age, (False, True))
     model = mujoco.MjModel.from_xml_string(MODEL.replace("DAMPING", str(servo.damping[0])))
     data = mujoco.MjData(model)

@@ -53,10 +53,10 @@ def elements(
         limit_rotation_rad=LIMIT,
     )
     return LoopElements(
-        response=CommandResponse(robot, 1, STEPS),
-        low_pass=LowPass(low_pass or NoFilterConfig(), 1),
+        response=CommandResponse(robot, 1, STEPS, period_s=COMMAND_PERIOD_S),
+        low_pass=LowPass(low_pass or NoFilterConfig(), 1, period_s=COMMAND_PERIOD_S),
         delay=TransportDelay(delay, 1),
-        admittance=Admittance(config),
+        admittance=Admittance(config, period_s=COMMAND_PERIOD_S),
         age_steps=age,
     )
 
@@ -68,19 +68,17 @@ def stream(
     parts: LoopElements, stiffness: Vector, disturbance: Vector, inertia: Vector = NO_TOOL
 ) -> Vector:
     """Run the loop's own objects around a linear spring, with an aged reading of the position."""
-    response = CommandResponse(parts.response.config, 2, STEPS)
-    low_pass = LowPass(parts.low_pass.config, 2)
+    response = CommandResponse(parts.response.config, 2, STEPS, period_s=COMMAND_PERIOD_S)
+    low_pass = LowPass(parts.low_pass.config, 2, period_s=COMMAND_PERIOD_S)
     delay = TransportDelay(parts.delay.cycles, 2)
-    admittance = Admittance(parts.admittance.config)
+    admittance = Admittance(parts.admittance.config, period_s=COMMAND_PERIOD_S)
     positions = [np.zeros(2)] * (1 + parts.age_steps)
     accelerations = list(positions)
     out = []
     for wrench in disturbance:
         at = -1 - parts.age_steps
         reading = wrench - stiffness @ positions[at] - inertia @ accelerations[at]
-        force, moment = low_pass.update(reading)
-        given = admittance.update(force, moment, 1.0)
-        deviation = np.array([given.dx_m, given.dalpha_rad])
+        deviation = admittance.update(low_pass.update(reading), 1.0)
         out.append(deviation)
         reference = response.update(delay.update(deviation))
         positions.extend(reference.position)

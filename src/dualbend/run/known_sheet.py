@@ -13,9 +13,10 @@ from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import sheet_tangent, solve_grips
 from dualbend.beam.sheet import Sheet
 from dualbend.control.alter import AlterConfig
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance, ModelAdmittanceConfig
 from dualbend.control.compliance.model import ModelAdmittance
+from dualbend.control.compliance.pair import PairCompliance
 from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.compliance.schedule import KnownSheet
 from dualbend.control.filters import LowPassConfig
@@ -38,16 +39,29 @@ _NEARER = np.array([3.0, 2.0, 1.4, 1.0, 0.7, 0.4, 0.2, 0.1, 0.04, 0.0, -0.02, -0
 _NEWTON_STEPS, _LARGEST_STEP_M, _ZERO_NM = 30, 2e-4, 1e-9
 
 
-def make_admittance(scenario: Scenario) -> Admittance:
-    """Return the admittance of one arm: the paper's, or the one with a model.
+def make_compliance(scenario: Scenario) -> PairCompliance:
+    """Return the scenario's own controller of both arms.
+
+    Raises InputError where the states of its model are not found or out of reach.
+    """
+    sensing, complying = (
+        [i for i, side in enumerate(SIDES) if side in sides]
+        for sides in (scenario.compliance.sensing, scenario.compliance.complying)
+    )
+    admittance = make_admittance(scenario, (len(sensing),))
+    return PairCompliance(admittance, sensing=sensing, complying=complying)
+
+
+def make_admittance(scenario: Scenario, shape: tuple[int, ...] = ()) -> Admittance:
+    """Return the admittance of one arm or of a leading shape: the paper's, or that with a model.
 
     Raises InputError where the model's states are not found or out of reach.
     """
     config = scenario.compliance
     if not isinstance(config, ModelAdmittanceConfig) or not config.modelled:
-        return Admittance(config)
+        return Admittance(config, period_s=COMMAND_PERIOD_S, shape=shape)
     own, nominal = (
-        response_model(scenario, delay_cycles=delay_cycles, channels=channels)
+        response_model(scenario, delay_cycles=delay_cycles, channels=channels, shape=shape)
         for delay_cycles, channels in ((scenario.robot.alter.delay_cycles, 2), (0, 3))
     )
     return ModelAdmittance(
@@ -56,6 +70,8 @@ def make_admittance(scenario: Scenario) -> Admittance:
         response=scenario.robot.response,
         own=own,
         nominal=nominal,
+        period_s=COMMAND_PERIOD_S,
+        shape=shape,
     )
 
 
@@ -74,6 +90,7 @@ def response_model(
     channels: int,
     low_pass: LowPassConfig | None = None,
     age_steps: int | None = None,
+    shape: tuple[int, ...] = (),
 ) -> ResponseModel:
     """Return the model of a scenario's robot response as its sensor reads it.
 
@@ -83,9 +100,11 @@ def response_model(
         response=scenario.robot.response,
         low_pass=low_pass or scenario.filter,
         delay_cycles=delay_cycles,
-        steps=steps_per_cycle(scenario.physics.step_s),
+        steps=steps_per_cycle(scenario.physics.step_s, COMMAND_PERIOD_S),
         age_steps=age_steps or reading_age_steps(scenario),
         channels=channels,
+        period_s=COMMAND_PERIOD_S,
+        shape=shape,
     )
 
 

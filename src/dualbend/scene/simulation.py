@@ -10,7 +10,7 @@ import numpy as np
 
 from dualbend.arm import mjcf as arm
 from dualbend.arm.pair import arm_joints
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.delay import TransportDelay
 from dualbend.scene.cell import PAD_SITE, GraspConfig
 from dualbend.scene.sheet.model import SheetModel, StripModel
@@ -77,7 +77,7 @@ class Simulation:
         latency_steps: int = 0,
     ) -> None:
         self.model, self.data = model, mujoco.MjData(model)
-        self.steps = steps_per_cycle(model.opt.timestep)
+        self.steps = steps_per_cycle(model.opt.timestep, COMMAND_PERIOD_S)
         self.joints = arm_joints(model)
         """Names of the arms' joints, in the order of every vector over them."""
         joints = [model.joint(name) for name in self.joints]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceConfig,
@@ -85,7 +86,7 @@ def plain_admittance(admittance: ModelAdmittance, alpha_rad: float) -> Admittanc
     """
     config = admittance.config
     if config.schedule is None:
-        return Admittance(_without_model(config))
+        return Admittance(_without_model(config), period_s=COMMAND_PERIOD_S)
     stiffness = np.diag(admittance.point(alpha_rad).stiffness)
 
     def scaled(axis: AxisConfig | None, by: float) -> AxisConfig | None:
@@ -99,7 +100,8 @@ def plain_admittance(admittance: ModelAdmittance, alpha_rad: float) -> Admittanc
             units="si",
             x=scaled(config.x, float(stiffness[0])),
             rotation=scaled(config.rotation, float(stiffness[1])),
-        )
+        ),
+        period_s=COMMAND_PERIOD_S,
     )
 
 

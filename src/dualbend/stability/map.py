@@ -9,6 +9,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceAxis,
@@ -164,7 +165,9 @@ def _filters(
             b=given.b * float(along_b[first]),
             k=given.k * float(along_k[first + diagonal]),
         )
-        filters = Admittance(msgspec.structs.replace(config, **{axis: changed}))
+        filters = Admittance(
+            msgspec.structs.replace(config, **{axis: changed}), period_s=COMMAND_PERIOD_S
+        )
         part: AdmittanceAxis = getattr(filters, axis)
         gains[rows, rows + diagonal] = part.gain * along_b[first] / along_b[rows]
         shapes[diagonal] = rational((np.ones(1), part.transfer_function()[1]), Z_INVERSE)

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.filters import NYQUIST_HZ
+from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ
 from dualbend.stability.sampled import SampledLoop
 from dualbend.types import Vector
 

@@ -15,7 +15,7 @@ from scipy.linalg import block_diag
 
 from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import sheet_wrench
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.control.filters import LowPass, NoFilterConfig
 from dualbend.run.arms import arm_pair, joint_stiffness
@@ -24,7 +24,7 @@ from dualbend.scenario.motion import PHASES, nominal_motion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.arm_compliance import ArmCompliance
 from dualbend.stability.plant.equilibrium import find_equilibrium
-from dualbend.types import Vector
+from dualbend.types import PlanarPose, Vector
 
 _NO_FILTER = NoFilterConfig()
 _EVERY = 4
@@ -110,8 +110,8 @@ class PathPrediction:
             )
             for age in (1, self._age_steps)
         )
-        low_pass = LowPass(self.scenario.filter, 3)
-        ago = self._age_steps / steps_per_cycle(self.scenario.physics.step_s)
+        low_pass = LowPass(self.scenario.filter, 3, period_s=COMMAND_PERIOD_S)
+        ago = self._age_steps / steps_per_cycle(self.scenario.physics.step_s, COMMAND_PERIOD_S)
         moments = np.empty(len(self._pose))
         for n, pose in enumerate(self._pose):
             alpha = float(self._read[n, 2])
@@ -131,9 +131,7 @@ class PathPrediction:
             wrench = sheet - inertia @ (self._read[n, 3:] + sent @ acceleration) + error
             if n == 0:
                 low_pass.reset(wrench)
-            filtered = low_pass.update(wrench).tolist()
-            out = admittance.comply(filtered[0], filtered[1], filtered[2], pose)
-            deviation = np.array([out.dx_m, out.dalpha_rad])
+            deviation = admittance.comply(low_pass.update(wrench), PlanarPose(pose))
             now.send(deviation)
             read.send(deviation)
         return moments

@@ -69,10 +69,10 @@ class LoopElements:
     @classmethod
     def from_scenario(cls, scenario: Scenario) -> LoopElements:
         """Build the elements from the configurations that the run builds them from."""
-        steps = steps_per_cycle(scenario.physics.step_s)
+        steps = steps_per_cycle(scenario.physics.step_s, COMMAND_PERIOD_S)
         return cls(
-            response=CommandResponse(scenario.robot.response, 1, steps),
-            low_pass=LowPass(scenario.filter, 1),
+            response=CommandResponse(scenario.robot.response, 1, steps, period_s=COMMAND_PERIOD_S),
+            low_pass=LowPass(scenario.filter, 1, period_s=COMMAND_PERIOD_S),
             delay=TransportDelay(scenario.robot.alter.delay_cycles, 1),
             admittance=make_admittance(scenario),
             age_steps=reading_age_steps(scenario),

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.mechanics.coupling import ModeName
 from dualbend.scenario.scenario import Scenario
@@ -105,7 +106,8 @@ class RayLoop:
         )
 
     def _with(self, b: float) -> LoopElements:
-        return replace(self._elements, admittance=Admittance(self.held(b).compliance))
+        admittance = Admittance(self.held(b).compliance, period_s=COMMAND_PERIOD_S)
+        return replace(self._elements, admittance=admittance)
 
     def _loops(self, b: float) -> dict[ModeName, SampledLoop]:
         elements, at = self._with(b), self.environment

@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 
 from dualbend.beam import elastica
-from dualbend.control.force_torque import skew
 from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.mechanics.jacobian import site_jacobian
 from dualbend.run.cell import RobotCell
@@ -54,7 +53,7 @@ def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: flo
         )
         reach = data.site_xpos[model.site(end).id] - place
         moves = np.eye(6)
-        moves[:3, 3:] = -skew(reach)
+        moves[:3, 3:] = np.cross(np.eye(3), reach).T
         total += moves.T @ np.linalg.solve(compliance, moves)
     held, free = [0, 1, 5], [2, 3, 4]
     across = total[np.ix_(free, held)]
