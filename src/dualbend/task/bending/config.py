@@ -25,8 +25,6 @@ SHORTEST_SETTLE_S = 0.25
 
 Tilt = Annotated[float, Meta(ge=-0.5, le=0.5)]
 
-_ORDER = ("lateral_m", "roll_rad", "yaw_rad")
-
 
 class GripError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How the sheet's edge stands off the gripper's frame G: R_GE = R_z(yaw) R_x(roll)."""
@@ -46,9 +44,7 @@ class MisalignmentConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
 
     def errors(self) -> Vector:
         """Return (2, 3): lateral [m], roll and yaw [rad] of the left and the right grip."""
-        return np.array(
-            [[getattr(side, name) for name in _ORDER] for side in (self.left, self.right)]
-        )
+        return np.array([msgspec.structs.astuple(side) for side in (self.left, self.right)])
 
 
 class BendingConfig(TaskConfig, frozen=True, kw_only=True, tag="bending"):
