@@ -7,7 +7,6 @@ its origin at the gripper centre and x into the sheet: G is B turned by the end 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import msgspec
@@ -49,8 +48,7 @@ def matvec(matrix: Vector, vector: Vector) -> Vector:
     return product
 
 
-@dataclass(frozen=True, slots=True)
-class PlanarPose:
+class PlanarPose(msgspec.Struct, frozen=True):
     """Pose of a grip in the bending plane: ``coordinates`` (..., 3) are x, z [m] and α [rad]."""
 
     coordinates: Vector
@@ -84,8 +82,7 @@ class PlanarPose:
         return PlanarPose(self.coordinates * ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0)))
 
 
-@dataclass(frozen=True, slots=True)
-class Wrench:
+class Wrench(msgspec.Struct, frozen=True):
     """Force and torque on an arm: ``components`` (..., 6) are F x, y, z [N], then M x, y, z [N m].
 
     ``frame`` says along which axes they are told, ``point`` about which point the torque is: the

@@ -383,7 +383,8 @@ def test_admittance_with_a_model(changed: dict[str, Any], worlds: Shape, seed: i
 def points(admittance: ModelAdmittance, pose: Vector) -> list[Vector]:
     """Return the controller's matrices at a pose."""
     point = admittance.point(pose[..., 2])
-    return [getattr(point, name) for name in point.__dataclass_fields__]
+    matrices = [getattr(point, name) for name in point.__struct_fields__]
+    return [*matrices, admittance.slope(point)]
 
 
 @FEW

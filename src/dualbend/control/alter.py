@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 
 from dualbend.errors import InputError
+from dualbend.mechanics.coupling import deviation_angle
 from dualbend.types import PlanarPose, Vector
 
 AlterMode = Literal["world", "tool", "tool-frozen"]
@@ -61,7 +62,7 @@ class PlanarPathModification:
             self._start_alpha_rad = nominal.alpha_rad
         if self.mode == "world":
             return PlanarPose(nominal.coordinates + planar)
-        phi = nominal.alpha_rad if self.mode == "tool" else self._start_alpha_rad
+        phi = deviation_angle(self.mode, nominal.alpha_rad, self._start_alpha_rad)
         c, s = np.cos(phi), np.sin(phi)
         turned = planar.copy()
         turned[..., 0] = planar[..., 0] * c + planar[..., 1] * s

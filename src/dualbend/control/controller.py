@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +14,7 @@ from dualbend.control.force_torque import WrenchReading
 from dualbend.types import Mask, PlanarPose, Vector, Wrench
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Observation:
+class Observation(msgspec.Struct, frozen=True, kw_only=True):
     """What a controller knows at the start of a command cycle, of any leading shape.
 
     Attributes
@@ -86,8 +85,7 @@ class Controller(Protocol):
         """Return the deviation (..., 2, 6) of this cycle."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+class Command(msgspec.Struct, frozen=True, kw_only=True):
     """What is sent in one cycle.
 
     ``deviation`` (..., 2, 6) as the controller gave it. ``pose`` (..., 2, 3): the commanded poses

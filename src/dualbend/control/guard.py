@@ -59,13 +59,13 @@ class Guard:
         Mask
             (4, ..., n): by following error, speed, cycles in a row at the torque limit, range.
         """
-        at_limit = np.abs(torque) >= self._torque_limit
-        self._cycles_at_limit = (self._cycles_at_limit + 1) * at_limit
+        self._cycles_at_limit += 1
+        self._cycles_at_limit *= np.abs(torque) >= self._torque_limit
         outside = np.empty((4, *q.shape), dtype=np.bool_)
-        outside[0] = np.abs(q - reference) > self._config.following_error_rad
-        outside[1] = np.abs(speed) > self._speed_limit
-        outside[2] = self._cycles_at_limit >= self._config.torque_cycles
-        outside[3] = (q <= self._low) | (q >= self._high)
+        np.greater(np.abs(q - reference), self._config.following_error_rad, out=outside[0])
+        np.greater(np.abs(speed), self._speed_limit, out=outside[1])
+        np.greater_equal(self._cycles_at_limit, self._config.torque_cycles, out=outside[2])
+        np.logical_or(q <= self._low, q >= self._high, out=outside[3])
         return outside
 
     def check(self, q: Vector, speed: Vector, torque: Vector, reference: Vector) -> None:

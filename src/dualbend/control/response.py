@@ -125,11 +125,12 @@ class CommandResponse:
         state, steps = self._state, self.steps
         state[..., 3, :] = setpoint
         reference = self._matrix @ state
-        position, velocity = reference[..., :steps, :], reference[..., steps : 2 * steps, :]
-        state[..., 0, :], state[..., 1, :] = position[..., -1, :], velocity[..., -1, :]
+        state[..., :2, :] = reference[..., steps - 1 : 2 * steps : steps, :]
         state[..., 2, :] = setpoint
         return CommandReference(
-            position=position, velocity=velocity, acceleration=reference[..., 2 * steps :, :]
+            position=reference[..., :steps, :],
+            velocity=reference[..., steps : 2 * steps, :],
+            acceleration=reference[..., 2 * steps :, :],
         )
 
     def state_space(self) -> tuple[Vector, Vector, Vector, Vector]:

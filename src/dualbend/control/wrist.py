@@ -38,7 +38,8 @@ class WristSensors:
         """
         arms = self._part
         reading = self.chain.update(wrench[..., arms, :], rotation[..., arms, :, :])
-        both = np.full((2, *wrench.shape), np.nan)
+        both = np.empty((2, *wrench.shape))
+        both.fill(np.nan)
         both[..., arms, :] = reading.grips.components
         return WrenchReading(
             sensor=reading.sensor, grips=Wrench(both, "grip", "grip"), clipped=reading.clipped

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -23,15 +23,20 @@ EXACT_READING = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """Force x and moment of a wrench in x, z, α."""
 
 
+Angle = TypeVar("Angle", float, Vector)
+
+
 def deviation_angle(
-    mode: Literal["world", "tool", "tool-frozen"], alpha_rad: float, start_rad: float
-) -> float:
+    mode: Literal["world", "tool", "tool-frozen"], alpha_rad: Angle, start_rad: Angle
+) -> Angle | float:
     """Return the turn φ [rad] about y of the axes along which a deviation δx is executed.
 
     φ = 0 in mode "world", the bending angle α in mode "tool", and α at the start of the path
     modification in mode "tool-frozen". Source: Robotics FAQ, section 12 (VAL II's ALTER).
     """
-    return {"world": 0.0, "tool": alpha_rad, "tool-frozen": start_rad}[mode]
+    if mode == "world":
+        return 0.0
+    return alpha_rad if mode == "tool" else start_rad
 
 
 def deviation_jacobian(angle_rad: float) -> Vector:

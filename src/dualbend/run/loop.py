@@ -29,7 +29,7 @@ from dualbend.run.trace import TraceRecorder
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import Outcome
 from dualbend.scene.ik import Targets
-from dualbend.scene.simulation import Observation, SensorSample, tool_mass_and_centre
+from dualbend.scene.simulation import PLANAR, Observation, SensorSample, tool_mass_and_centre
 from dualbend.scene.warnings import SimulationFailed, refuse_warnings, warnings_counted_only
 from dualbend.types import SIDES, PlanarPose, Vector
 
@@ -179,7 +179,7 @@ class Run:
             time_s=(self.trace.rows - 1) * COMMAND_PERIOD_S,
             phase=phase,
             joints_rad=seen.q,
-            measured=PlanarPose(seen.grip[:, [0, 2, 3]]),
+            measured=PlanarPose(seen.grip[:, PLANAR]),
             nominal=nominal,
         )
         return observed, self.path.command(observed)

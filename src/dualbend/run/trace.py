@@ -244,11 +244,11 @@ class TraceRecorder(Trace):
         """Complete the row with what the controller made of it."""
         row, at = self._table[self.rows - 1], self._slices
         for i, sensed in zip(self._sensing, reading.sensor.components, strict=True):
-            row[at[f"reading{i}"]] = (
-                *sensed,
-                *observation.raw.components[i, ::4],
-                *observation.filtered.components[i, ::4],
-            )
+            readings = row[at[f"reading{i}"]]
+            readings[:6] = sensed
+            # Force x and moment y in the bending frame.
+            readings[6:8] = observation.raw.components[i, ::4]
+            readings[8:] = observation.filtered.components[i, ::4]
         row[at["deviation"]] = command.deviation[:, ::4].ravel()
         row[at["command"]] = command.pose.coordinates.ravel()
         row[at["setpoint"]] = ik.q

@@ -20,6 +20,9 @@ from dualbend.types import SIDES, Vector
 # A turn by π about z takes the left arm's bending frame to the right arm's: x and y change sign.
 BENDING_TO_WORLD = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])
 
+PLANAR = np.array([0, 2, 3])
+"""Which of x, y, z, α of a grip make its planar pose."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:

@@ -61,7 +61,7 @@ def controller_system(
         else static(np.zeros((1, 1)))
         for axis, acts in zip(admittance.axes, acting, strict=True)
     )
-    slope, twice = np.diag([point.slope, 1.0]), np.tile(np.eye(2), 2)
+    slope, twice = np.diag([float(admittance.slope(point)), 1.0]), np.tile(np.eye(2), 2)
     # Of wrench and error (4,): both add up to what the filters get.
     forward = parallel([static(point.estimate).series(leads), static(np.eye(2))]).scaled(
         np.diag(point.gain) @ twice

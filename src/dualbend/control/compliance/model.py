@@ -11,8 +11,7 @@ q the loop's own deviations as old as the reading, q_n the nominal motion:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 import numpy as np
 
 from dualbend.control.compliance.admittance import (
@@ -26,17 +25,16 @@ from dualbend.control.response import CommandResponseConfig
 from dualbend.types import PlanarPose, Reals, Vector, matvec
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModelPoint:
-    """The controller's matrices at bending angles of any leading shape.
+class ModelPoint(msgspec.Struct, frozen=True, kw_only=True):
+    """The controller's matrices at bending angles ``alpha_rad`` of any leading shape.
 
     ``rows`` (..., 2, 3): what is taken of force x, z and moment; ``reference`` (..., 2);
     ``estimate`` E (..., 2, 2): errors to deviations; ``stiffness`` K (..., 2, 2) and ``inertia`` M
     (..., 2, 3) of the prediction, ``sent`` (..., 3, 2); ``gain`` (..., 2): what the filters' input
-    is multiplied with; ``lead_share`` (...): of the error; ``slope`` (...): of the curve that the
-    force passes through, 1 without one.
+    is multiplied with; ``lead_share`` (...): of the error.
     """
 
+    alpha_rad: Vector
     rows: Vector
     reference: Vector
     estimate: Vector
@@ -44,7 +42,6 @@ class ModelPoint:
     inertia: Vector
     sent: Vector
     gain: Vector
-    slope: Vector
     lead_share: Vector
 
 
@@ -109,6 +106,7 @@ class ModelAdmittance(Admittance):
         predictor = config.predictor
         own = np.diagonal(stiffness, axis1=-2, axis2=-1)
         return ModelPoint(
+            alpha_rad=alpha,
             rows=rows,
             reference=reference(config.reference, known, alpha, rows),
             estimate=_estimate(config.fusion, stiffness),
@@ -117,30 +115,31 @@ class ModelAdmittance(Admittance):
             sent=sent,
             gain=np.ones_like(own) if config.schedule else own,
             lead_share=lead_share(predictor, alpha) if predictor else np.zeros(alpha.shape),
-            slope=self._slope(alpha, stiffness[..., 0, 0]),
         )
 
-    def _error(self, wrench: Vector, point: ModelPoint, alpha_rad: Vector) -> Vector:
+    def _error(self, wrench: Vector, point: ModelPoint) -> Vector:
         """Return the error (..., 2) of force x and moment, as taken and without the inertia."""
         schedule = self.config.schedule
-        error = np.asarray(wrench - point.reference)
+        error: Vector = wrench - point.reference
         if schedule and schedule.curve:
-            at = np.maximum(alpha_rad, schedule.from_rad)
-            inward, right = (
-                self.known.displacement(load[..., 0], at) for load in (wrench, point.reference)
-            )
+            forces = np.array((wrench[..., 0], point.reference[..., 0]))
+            at = np.maximum(point.alpha_rad, schedule.from_rad)
+            inward, right = self.known.displacement(forces, at)
             error[..., 0] = -point.stiffness[..., 0, 0] * (inward - right)
         return error
 
-    def _slope(self, alpha_rad: Vector, stiffness_n_per_m: Vector) -> Vector:
-        """Return d(K₁₁ e(F))/dF (...) at the reference, a difference over 0.2 N."""
+    def slope(self, point: ModelPoint) -> Vector:
+        """Return the slope (...) of the curve that the force passes through, 1 without one.
+
+        It is d(K₁₁ e(F))/dF at the reference, a difference over 0.2 N.
+        """
         schedule, taken = self.config.schedule, self.config.reference
         if not (schedule and schedule.curve):
-            return np.ones(alpha_rad.shape)
-        at = np.maximum(alpha_rad, schedule.from_rad)
-        force = self.known.force(np.maximum(alpha_rad, taken.from_rad)) if taken else 0.0
+            return np.ones(point.alpha_rad.shape)
+        at = np.maximum(point.alpha_rad, schedule.from_rad)
+        force = self.known.force(np.maximum(point.alpha_rad, taken.from_rad)) if taken else 0.0
         low, high = (self.known.displacement(force + by, at) for by in (-0.1, 0.1))
-        return -stiffness_n_per_m * (high - low) / 0.2
+        return np.asarray(-point.stiffness[..., 0, 0] * (high - low) / 0.2)
 
     def rest_compliance(self, alpha_rad: float) -> Vector:
         """Return the deviations at rest (2, 2) per error of force x and moment as taken."""
@@ -155,14 +154,13 @@ class ModelAdmittance(Admittance):
             self._placed = True
         nominal, nominal_acceleration = self._nominal.read()
         own, acceleration = self._own.read()
-        alpha = nominal[..., 2]
-        point = self.point(alpha)
+        point = self.point(nominal[..., 2])
         taken = matvec(point.rows, wrench)
         predicts = self.config.predictor is not None
         if predicts:
             moved = nominal_acceleration + matvec(point.sent, acceleration)
             taken = taken + matvec(point.inertia, moved)
-        error = self._error(taken, point, alpha)
+        error = self._error(taken, point)
         if predicts:
             error = error + matvec(point.stiffness, own)
         e = matvec(point.estimate, error)

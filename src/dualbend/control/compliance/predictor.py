@@ -65,8 +65,8 @@ class ResponseLead:
         poles = np.roots([1.0, 2.0 * response.damping_ratio * omega, omega**2])
         zeros = np.real(np.poly(np.exp(poles * period_s)))
         r = math.exp(-period_s / lag_s) if lag_s > 0.0 else 0.0
-        self._numerator = zeros / zeros.sum() * (1.0 - r) ** 2
-        self._denominator = np.array([1.0, -2.0 * r, r * r])
+        self._numerator = (zeros / zeros.sum() * (1.0 - r) ** 2).tolist()
+        self._denominator = [1.0, -2.0 * r, r * r]
         self._shape = shape
         self.reset()
 
@@ -84,8 +84,8 @@ class ResponseLead:
 
     def transfer_function(self, share: Reals = 1.0) -> TransferFunction:
         """Tell share × H(z) + 1 − share in powers of z⁻¹."""
-        mixed = share * self._numerator + (1.0 - share) * self._denominator
-        return mixed, self._denominator.copy()
+        numerator, denominator = np.array(self._numerator), np.array(self._denominator)
+        return share * numerator + (1.0 - share) * denominator, denominator
 
 
 def lead_share(config: PredictorConfig, alpha_rad: Reals) -> Vector:

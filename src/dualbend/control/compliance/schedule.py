@@ -100,26 +100,32 @@ class KnownSheet:
             raise InputError("pressed_n must grow along its rows, one number for each of pressed_m")
 
     @cached_property
-    def _table(self) -> Vector:
+    def _table(self) -> tuple[Vector, Vector]:
+        """All that is interpolated over the angle (n, 22), and its differences."""
         n = len(self.alpha_rad)
         parts = (self.force_x_n, self.stiffness, self.inertia, self.sent)
-        return np.hstack([part.reshape(n, -1) for part in parts])
+        table = np.hstack([part.reshape(n, -1) for part in parts])
+        return table, np.diff(table, axis=0)
+
+    @cached_property
+    def _gaps(self) -> tuple[Vector, Vector]:
+        """The angles between the first and the last, and the differences of all."""
+        return self.alpha_rad[1:-1], np.diff(self.alpha_rad)
 
     def _place(self, alpha_rad: Reals) -> tuple[NDArray[np.intp], Vector]:
-        """Return the row after an angle (...) and how far it is between that and the one before.
-
-        Outside the table its nearest end.
-        """
-        alphas = self.alpha_rad
-        row = np.minimum(np.maximum(np.searchsorted(alphas, alpha_rad), 1), len(alphas) - 1)
-        part = (alpha_rad - alphas[row - 1]) / (alphas[row] - alphas[row - 1])
+        """Return the row before an angle (...) and how far on it is, 0 to 1."""
+        inner, gaps = self._gaps
+        row = np.asarray(inner.searchsorted(alpha_rad))
+        part = (alpha_rad - self.alpha_rad.take(row)) / gaps.take(row)
         return row, np.minimum(np.maximum(part, 0.0), 1.0)
 
     def _row(self, alpha_rad: Reals) -> Vector:
-        """Interpolate the table linearly, (..., 22)."""
+        """Interpolate the table linearly (..., 22); outside it its nearest end."""
         row, part = self._place(alpha_rad)
-        before = self._table[row - 1]
-        return np.asarray(before + part[..., np.newaxis] * (self._table[row] - before))
+        table, differences = self._table
+        return np.asarray(
+            table.take(row, axis=0) + part[..., np.newaxis] * differences.take(row, axis=0)
+        )
 
     def force(self, alpha_rad: Reals) -> Vector:
         """Return the horizontal force on the arm (...) [N]."""
@@ -137,35 +143,42 @@ class KnownSheet:
         return row[..., 7:16].reshape(*leading, 3, 3), row[..., 16:].reshape(*leading, 3, 2)
 
     def displacement(self, force_x_n: Reals, alpha_rad: Reals) -> Vector:
-        """Return how far inward of the zero-moment state the arms have this force (...) [m]."""
-        row, part = self._place(alpha_rad)
-        first, last = (self._on_curve(force_x_n, at) for at in (row - 1, row))
-        return np.asarray(first + part * (last - first))
+        """Return how far inward of the zero-moment state the arms have this force (...) [m].
 
-    def _on_curve(self, force_x_n: Reals, row: NDArray[np.intp]) -> Vector:
-        """Return the displacement at angles of the table; beyond the curve by the tangent."""
-        on_it, beyond = _interpolate(force_x_n, self.pressed_n[row], self.pressed_m[row])
-        return np.asarray(on_it - beyond / self.stiffness[row, 0, 0])
+        Beyond a curve of the tables by its angle's tangent.
+        """
+        row, part = self._place(alpha_rad)
+        both = row[..., np.newaxis] + _NEIGHBOURS
+        force = np.asarray(force_x_n)[..., np.newaxis]
+        on_it, beyond = _interpolate(self.pressed_n, self.pressed_m, both, force)
+        found = on_it - beyond / self.stiffness[:, 0, 0].take(both)
+        first, last = found[..., 0], found[..., 1]
+        return np.asarray(first + part * (last - first))
 
     def pressed_force(self, inward_m: Reals, alpha_rad: Reals) -> Vector:
         """Return the force x on the arm (...) [N] at displacements, on the nearest curve."""
         away = np.abs(np.asarray(alpha_rad)[..., np.newaxis] - self.alpha_rad)
         row = np.argmin(away, axis=-1)
-        outward, curve = -np.asarray(inward_m), -self.pressed_m[row]
-        on_it, beyond = _interpolate(outward, curve, self.pressed_n[row])
-        return np.asarray(on_it + beyond * self.stiffness[row, 0, 0])
+        outward = -np.asarray(inward_m)
+        on_it, beyond = _interpolate(-self.pressed_m, self.pressed_n, row, outward)
+        return np.asarray(on_it + beyond * self.stiffness[:, 0, 0].take(row))
 
 
-def _interpolate(at: Reals, growing: Vector, values: Vector) -> tuple[Vector, Vector]:
-    """Interpolate linearly, each place (...) on a curve of its own (..., m).
+_NEIGHBOURS = np.array([0, 1])
+
+
+def _interpolate(
+    growing: Vector, values: Vector, row: NDArray[np.intp], at: Vector
+) -> tuple[Vector, Vector]:
+    """Interpolate linearly on curves (n, m), at each place (...) on that of its row (...).
 
     Return the value, at the ends that of the end, and how far beyond the end the place is.
     """
-    inside = np.minimum(np.maximum(at, growing[..., 0]), growing[..., -1])
-    reached = (growing[..., 1:-1] <= inside[..., np.newaxis]).sum(axis=-1)[..., np.newaxis]
-    x0, x1, y0, y1 = (
-        np.take_along_axis(curve, reached + after, axis=-1)[..., 0]
-        for curve in (growing, values)
-        for after in (0, 1)
-    )
-    return (y1 - y0) / (x1 - x0) * (inside - x0) + y0, at - inside
+    curves = growing.take(row, axis=0)
+    inside = np.minimum(np.maximum(at, curves[..., 0]), curves[..., -1])
+    reached = np.add.reduce(curves[..., 1:-1] <= inside[..., np.newaxis], axis=-1, dtype=np.intp)
+    start = row * growing.shape[1] + reached
+    end = start + 1
+    x0, y0 = growing.take(start), values.take(start)
+    slope = (values.take(end) - y0) / (growing.take(end) - x0)
+    return slope * (inside - x0) + y0, at - inside
