@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dualbend.recording.log import FRAME_CYCLES
-from dualbend.recording.notes import Notes
-from dualbend.recording.prediction import notes_of
+from dualbend.recording.notes import Notes, notes_of
 from dualbend.recording.scales import LONGEST_ARROW_M, Scales, diverging_colours
 from dualbend.recording.scene import CLEAR_OF_JAWS_M
 from dualbend.recording.write import write_recording
@@ -434,10 +433,10 @@ def test_predicted_and_true_moments_agree(
 
 def test_metrics_have_a_row_each_with_their_unit(recorded: Recorded, notes: Notes) -> None:
     text = recorded.static["/outcome"]["TextDocument:text"][0]
-    value, unit = notes.metrics["peak_moment"]
-    assert f"| peak moment [{unit}] | {value:.4g} |" in text
+    moment = notes.metrics["peak_moment"]
+    assert f"| peak moment [{moment.unit}] | {moment.value:.4g} |" in text
     assert "wall time" not in text  # the machine's, not the run's
-    pieces, _ = notes.metrics["peak_moment_by_piece"]
+    pieces = notes.metrics["peak_moment_by_piece"].value
     assert all(f"peak moment by piece {i + 1} [N m]" in text for i in range(len(pieces)))
 
 

@@ -54,7 +54,7 @@ def test_the_robots_believe_what_they_believed() -> None:
     holes = replace(config.layout.holes, errors_m=nominal.layout.holes.errors_m)
     believed = replace(config, errors=nominal.errors, layout=replace(config.layout, holes=holes))
     assert replace(drawn, task=believed, seed=PWB.seed) == PWB
-    true, sheet = config.errors.true_sheet(PWB.sheet.sheet()), PWB.sheet.sheet()
+    true, sheet = config.true_sheet(PWB.sheet.sheet()), PWB.sheet.sheet()
     factor = config.errors.thickness_factor
     assert true.mass_kg / sheet.mass_kg == pytest.approx(factor, rel=1e-12)
     assert true.bending_stiffness_nm2 / sheet.bending_stiffness_nm2 == pytest.approx(

@@ -29,7 +29,6 @@ from dualbend.task.assembly.config import AssemblyConfig, SearchConfig, SpeedsCo
 from dualbend.task.assembly.execution import Execution
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyProgram, middle_force
-from dualbend.task.assembly.search import search_pattern
 from support.sheets import STRIP
 
 Array = NDArray[np.float64]
@@ -198,7 +197,7 @@ def rates(goals: list[Goal]) -> dict[str, float]:
 
 def misfits(number: int) -> Callable[[Posture], bool]:
     """Return a middle that fits only at this place of the search pattern."""
-    x, y = search_pattern(FEW.search)[number]
+    x, y = FEW.search.places()[number]
     return lambda posture: math.dist((posture.x, posture.y), (x, y)) < 1e-6
 
 
@@ -508,7 +507,7 @@ def test_what_the_sensors_drifted_by_before_the_bend_ended_is_not_felt(drift: fl
 
 @given(st.integers(0, 40), st.floats(1e-5, 1e-2))
 def test_the_search_pattern_is_in_rings_and_never_the_same_place(count: int, step: float) -> None:
-    places = search_pattern(SearchConfig(attempts=count, step_m=step))
+    places = SearchConfig(attempts=count, step_m=step).places()
     assert len(places) == count + 1
     assert places[0] == (0.0, 0.0)
     assert len(set(places)) == len(places)

@@ -164,7 +164,7 @@ def _write(
 
     notes = None
     if picture is not None:
-        from dualbend.recording.prediction import notes_of
+        from dualbend.recording.notes import notes_of
 
         notes = notes_of(result)
         picture.end(result, notes)

@@ -27,16 +27,15 @@ def model_fingerprint(model: mujoco.MjModel) -> str:
             continue
         value = getattr(model, name)
         if isinstance(value, np.ndarray) and value.dtype.kind == "f":
-            digest.update(name.encode())
-            for part in _rounded(value.astype(np.float64).ravel()):
-                digest.update(part.tobytes())
-        elif isinstance(value, np.ndarray | bytes | int):
-            digest.update(name.encode() + (value if isinstance(value, bytes) else _plain(value)))
+            parts = [part.tobytes() for part in _rounded(value.astype(np.float64).ravel())]
+        elif isinstance(value, np.ndarray | int):
+            parts = [np.asarray(value).astype(np.int64).tobytes()]
+        elif isinstance(value, bytes):
+            parts = [value]
+        else:
+            continue
+        digest.update(b"".join((name.encode(), *parts)))
     return digest.hexdigest()
-
-
-def _plain(value: NDArray[np.generic] | int) -> bytes:
-    return np.asarray(value).astype(np.int64).tobytes()
 
 
 def _rounded(values: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -45,5 +44,4 @@ def _rounded(values: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np
     some = values[kept]
     exponents = np.floor(np.log10(np.abs(some))).astype(np.int64)
     mantissas = np.rint(some / 10.0 ** (exponents - DIGITS + 1)).astype(np.int64)
-    places = np.flatnonzero(kept)
-    return mantissas, np.concatenate((exponents, places))
+    return mantissas, np.concatenate((exponents, np.flatnonzero(kept)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from dualbend.run.record import Metric, RunRecord
 from dualbend.types import Vector
@@ -33,25 +34,22 @@ def peak_places(result: RunRecord, metrics: dict[str, Metric]) -> dict[str, list
         if name in metrics:
             value = metrics[name].value
             values = value if isinstance(value, list) else [value]
-            places[name] = [_place(result, signal, item) for item in values]
+            places[name] = [
+                _place(result, np.flatnonzero(signal == item)) if item else None for item in values
+            ]
     return places
 
 
 def last_place(result: RunRecord) -> Place | None:
     """Return the last row that was recorded; None where there is none."""
-    return _at(result, result.trace.rows - 1) if result.trace.rows else None
+    return _place(result, np.arange(result.trace.rows)[-1:])
 
 
-def _place(result: RunRecord, signal: Vector, value: float | None) -> Place | None:
-    if not value:
+def _place(result: RunRecord, rows: NDArray[np.intp]) -> Place | None:
+    if not rows.size:
         return None
-    rows = np.flatnonzero(signal == value)
-    return _at(result, int(rows[0])) if rows.size else None
-
-
-def _at(result: RunRecord, row: int) -> Place:
-    trace = result.trace
-    return Place(time_s=float(trace["time"][row]), phase=result.phases[int(trace["phase"][row])])
+    time_s, phase = (float(result.trace[name][rows[0]]) for name in ("time", "phase"))
+    return Place(time_s=time_s, phase=result.phases[int(phase)])
 
 
 def common_peaks(result: RunRecord) -> dict[str, Vector]:

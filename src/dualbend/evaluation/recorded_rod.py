@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.beam.rod import planar as rod
-from dualbend.beam.sheet import Sheet
 from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
 
@@ -16,23 +15,14 @@ Place = Literal["grip", "edge"]
 """The arms' grips, or the sheet's edges behind the pads."""
 
 
-class Columns(Protocol):
-    """What a trace and a saved run have in common: columns by name (rows,)."""
-
-    def __getitem__(self, name: str, /) -> Vector:
-        """Return one column."""
-
-
-def recorded_rods(
-    columns: Columns, sheet: Sheet, place: Place, rows: NDArray[np.int_]
-) -> tuple[rod.RodState, ...]:
+def recorded_rods(run: RunRecord, place: Place, rows: NDArray[np.int_]) -> tuple[rod.RodState, ...]:
     """Return the elastic rod's states between recorded poses (rows,), weight and stretch included.
 
     A state that was not found is not ``converged``. The rod knows no yield: where the sheet yields
     it is another sheet's.
     """
     left, right = (
-        np.column_stack([columns[f"{side}_{place}_{part}"][rows] for part in ("x", "z", "alpha")])
+        np.column_stack([run[f"{side}_{place}_{part}"][rows] for part in ("x", "z", "alpha")])
         for side in SIDES
     )
     # The right arm's bending frame looks the other way: its x is minus the planar frame's.
@@ -40,6 +30,7 @@ def recorded_rods(
         (rod.Grip(*a), rod.Grip(-b[0], b[1], b[2]))
         for a, b in zip(left.tolist(), right.tolist(), strict=True)
     ]
+    sheet = run.scenario.sheet.sheet()
     return rod.follow_planar(
         sheet.bending_stiffness_nm2,
         sheet.length_m,
@@ -55,5 +46,5 @@ def reference_moments(result: RunRecord, place: Place, rows: NDArray[np.int_]) -
     ``place`` is "grip" (the arms') or "edge" (the sheet's, behind the pads). The rod has the
     sheet's weight and axial stiffness.
     """
-    states = recorded_rods(result.trace, result.scenario.sheet.sheet(), place, rows)
+    states = recorded_rods(result, place, rows)
     return np.array([s.left.moment_nm if s.converged else np.nan for s in states])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import replace
+from typing import get_args
 
 import msgspec
 import numpy as np
@@ -96,19 +97,17 @@ def sheet_report(scenario: Scenario) -> SheetReport:
 
 def rigidity_choices(sheet: Sheet, curvature_per_m: float) -> dict[str, RigidityChoice]:
     """Return the three ways to take the bending stiffness, the width's at the given curvature."""
-    kinds: tuple[Rigidity, ...] = ("beam", "plate", "width")
     there = replace(sheet, curvature_per_m=sheet.curvature_per_m or curvature_per_m)
-    beam = sheet.young_pa * sheet.second_moment_m4
-    taken = sheet.bending_stiffness_nm2
-    found: dict[str, RigidityChoice] = {}
-    for kind in kinds:
-        ratio = there.rigidity_over_beam(kind)
-        found[kind] = RigidityChoice(
+    beam, taken = sheet.young_pa * sheet.second_moment_m4, sheet.bending_stiffness_nm2
+    ratios = {kind: there.rigidity_over_beam(kind) for kind in get_args(Rigidity)}
+    return {
+        kind: RigidityChoice(
             bending_stiffness_nm2=beam * ratio,
             over_beam=ratio,
             end_force_change_percent=100.0 * (beam * ratio / taken - 1.0),
         )
-    return found
+        for kind, ratio in ratios.items()
+    }
 
 
 def nominal_strain(scenario: Scenario) -> float:

@@ -8,12 +8,13 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from dualbend.recording.log import TIMELINE, Colour, RecordingLog
+from dualbend.recording.geometry import DECIMALS, in_world
+from dualbend.recording.layers import view
+from dualbend.recording.log import TIMELINE, RecordingLog, new_stream, row_times
+from dualbend.recording.plots import BRIGHT, DULL
 from dualbend.run.record import RunRecord
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES
 
-_BRIGHT: tuple[Colour, Colour] = ([70, 180, 255], [255, 165, 60])
-_DULL: tuple[Colour, Colour] = ([60, 110, 150], [150, 105, 55])
 _PHASE_COLOURS = (0x78909CFF, 0x42A5F5FF, 0x7E57C2FF, 0x26A69AFF, 0xFFB300FF, 0xEC407AFF)
 
 _TITLES = {
@@ -31,25 +32,18 @@ def write_compared_recording(
 
     ``/{quantity}/a`` and ``/{quantity}/b`` are the runs', units in the names of the series;
     ``/grips`` has the grips and their ways in 3D (world frame, m). ``text`` is shown beside them.
-
-    Raises
-    ------
-    OSError
-        ``path`` cannot be written.
+    OSError where ``path`` cannot be written.
     """
     path.write_bytes(b"")  # refuses a bad path; rerun itself would only warn
     name = f"{labels[0]} and {labels[1]}"
-    stream = rr.RecordingStream("dualbend", recording_id=name, send_properties=False)
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
+    stream = new_stream(name)
     stream.save(path, default_blueprint=_layout(runs, labels))
     try:
         stream.send_recording_name(name)
         stream.log("comparison", rr.TextDocument(text), static=True)
         stream.log("grips", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for i, (run, label) in enumerate(zip(runs, labels, strict=True)):
-            times = np.rint(1e9 * run["time"]).astype("timedelta64[ns]")
-            log = RecordingLog(stream, times)
+            log = RecordingLog(stream, row_times(run))
             _log_plots(log, run, label, i)
             _log_grips(log, run, label, i)
             _log_phases(log, run, i)
@@ -63,32 +57,31 @@ def _log_plots(log: RecordingLog, run: RunRecord, label: str, i: int) -> None:
         true, filtered = (run[f"{side}_{kind}_{column}"] for kind in ("true", "filtered"))
         log.lines(
             f"{quantity}/{entity}",
-            (f"{label}: {side} true [{unit}]", true, _BRIGHT[i], 2.0),
-            (f"{label}: {side} filtered [{unit}]", filtered, _DULL[i], 1.0),
+            (f"{label}: {side} true [{unit}]", true, BRIGHT[i], 2.0),
+            (f"{label}: {side} filtered [{unit}]", filtered, DULL[i], 1.0),
         )
     along, turn = 1e3 * run[f"{side}_deviation_x"], np.degrees(run[f"{side}_deviation_alpha"])
     log.lines(
         f"deviation/{entity}",
-        (f"{label}: {side} δx [mm]", along, _BRIGHT[i], 1.5),
-        (f"{label}: {side} δα [deg]", turn, _DULL[i], 1.5),
+        (f"{label}: {side} δx [mm]", along, BRIGHT[i], 1.5),
+        (f"{label}: {side} δα [deg]", turn, DULL[i], 1.5),
     )
     log.lines(
         f"angle/{entity}",
-        (f"{label}: nominal [rad]", run["nominal_alpha"], _DULL[i], 1.0),
-        (f"{label}: {side} grip [rad]", run[f"{side}_grip_alpha"], _BRIGHT[i], 1.5),
+        (f"{label}: nominal [rad]", run["nominal_alpha"], DULL[i], 1.0),
+        (f"{label}: {side} grip [rad]", run[f"{side}_grip_alpha"], BRIGHT[i], 1.5),
     )
 
 
 def _log_grips(log: RecordingLog, run: RunRecord, label: str, i: int) -> None:
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        place: Vector = np.stack([run[f"{side}_grip_{axis}"] for axis in "xyz"], axis=1)
-        place = (place * [sign, sign, 1.0]).round(6)
+        place = in_world(run, f"{side}_grip", sign).round(DECIMALS)
         entity = f"grips/{'ab'[i]}/{side}"
-        look = rr.Points3D.from_fields(colors=_BRIGHT[i], radii=0.005, labels=f"{label} {side}")
+        look = rr.Points3D.from_fields(colors=BRIGHT[i], radii=0.005, labels=f"{label} {side}")
         log.once(entity, look)
         # A point a row: positions (rows, 1, 3).
         log.rows(entity, rr.Points3D, positions=place[:, None])
-        way = rr.LineStrips3D([place], colors=[_DULL[i]], radii=0.001)
+        way = rr.LineStrips3D([place], colors=[DULL[i]], radii=0.001)
         log.once(f"{entity}/way", way)
 
 
@@ -106,21 +99,13 @@ def _log_phases(log: RecordingLog, run: RunRecord, i: int) -> None:
 def _layout(runs: tuple[RunRecord, RunRecord], labels: tuple[str, str]) -> rrb.Blueprint:
     """Return the viewer's layout: the grips and the comparison beside four plots."""
     plots = [rrb.TimeSeriesView(origin=origin, name=title) for origin, title in _TITLES.items()]
-    height, length = (
-        max(value)
-        for value in zip(
-            *((run["nominal_z"].max(), run.scenario.sheet.length_m) for run in runs), strict=True
-        )
-    )
-    grips = rrb.Spatial3DView(
+    height = max(float(run["nominal_z"].max()) for run in runs)
+    length = max(run.scenario.sheet.length_m for run in runs)
+    grips = view(
+        f"Grips: {labels[0]} blue, {labels[1]} orange",
+        [0.0, -2.0 * length, height + 0.3 * length],
+        [0.0, 0.0, height],
         origin="grips",
-        name=f"Grips: {labels[0]} blue, {labels[1]} orange",
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            position=[0.0, -2.0 * length, height + 0.3 * length],
-            look_target=[0.0, 0.0, height],
-            eye_up=[0, 0, 1],
-        ),
     )
     text = rrb.TextDocumentView(origin="comparison", name="Comparison")
     lanes = rrb.StateTimelineView(origin="phase", name="Phases: a above b")

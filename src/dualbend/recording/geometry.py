@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from dualbend.recording.log import RecordingLog
 from dualbend.run.record import RunRecord
-from dualbend.run.trace import Trace
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
 from dualbend.types import Vector
 
@@ -132,10 +131,10 @@ def _corners(model: mujoco.MjModel, geom: int) -> Vector:
     return np.asarray((turn.apply(vertices) + model.geom_pos[geom])[faces.ravel()])
 
 
-def in_world(trace: Trace, names: tuple[str, str, str], sign: float) -> Vector:
-    """Return three columns of an arm's bending frame as vectors (rows, 3) of the world."""
-    world: Vector = np.stack([trace[name] for name in names], axis=1) * np.array([sign, sign, 1.0])
-    return world
+def in_world(run: RunRecord, prefix: str, sign: float) -> Vector:
+    """Return the columns x, y, z of an arm's bending frame as vectors (rows, 3) of the world."""
+    mine = np.stack([run[f"{prefix}_{axis}"] for axis in "xyz"], axis=1)
+    return np.asarray(mine * [sign, sign, 1.0])
 
 
 def log_axes(

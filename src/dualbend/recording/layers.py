@@ -92,7 +92,7 @@ class Layers:
         """Log where a grip is: a frame turned by R_y(α), right by R_z(π) R_y(α)."""
         del motion
         trace = result.trace
-        grip = in_world(trace, (f"{side}_grip_x", f"{side}_grip_y", f"{side}_grip_z"), sign)
+        grip = in_world(result, f"{side}_grip", sign)
         flat = np.zeros((trace.rows, 4))
         _, turn = carry(flat, (flat[:, 0], flat[:, 0], trace[f"{side}_grip_alpha"]), sign)
         log_axes(log, f"cell/grip/{side}_actual", 0.03, grip, turn)

@@ -24,18 +24,17 @@ import rerun as rr
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError, refusing
-from dualbend.recording.layout import layout
-from dualbend.recording.log import FRAME_CYCLES, RecordingLog
+from dualbend.recording.log import FRAME_CYCLES, RecordingLog, row_times
 from dualbend.recording.notes import Notes
 from dualbend.recording.scales import Scales
 from dualbend.recording.scene import log_scene
 from dualbend.recording.write import (
+    layout,
     log_lanes,
     log_predicted,
     log_run,
     log_texts,
     open_stream,
-    row_times,
 )
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord, Scene
@@ -101,15 +100,8 @@ class LiveRecording:
 
     A context: it follows the run inside. :meth:`note` is for the loop, :meth:`end` streams the
     rest. What goes wrong here ends the picture, not the run: ``problem`` says what it was.
-
-    Parameters
-    ----------
-    run
-        The run, before its start.
-    address
-        Of a viewer that answers, from :func:`check_viewer`.
-    path
-        File to write while the run goes on: what is there survives whatever ends the process.
+    ``address`` is of a viewer that answers, from :func:`check_viewer`. What is in the file
+    survives whatever ends the process.
     """
 
     def __init__(self, run: Run, address: str, path: Path | None) -> None:
@@ -185,7 +177,7 @@ class LiveRecording:
 
     def _finish(self, result: RunRecord, notes: Notes | None) -> None:
         self._log(result, ended=True)
-        log = RecordingLog(self._stream, row_times(result.trace))
+        log = RecordingLog(self._stream, row_times(result))
         log_texts(log, result, self._scales, notes)
         if notes is not None:
             log_predicted(log, notes)
@@ -194,7 +186,7 @@ class LiveRecording:
         """Log the rows that are new; the scene is computed for them and a few before."""
         rows, done = result.trace.rows, self._streamed
         begin = max(done - FRAME_CYCLES - result.scenario.robot.alter.delay_cycles - 1, 0)
-        times = row_times(result.trace)
+        times = row_times(result)
         log = RecordingLog(self._stream, times, done=done, ended=ended)
         if not done:
             log_texts(log, result, self._scales, None, ended=ended)

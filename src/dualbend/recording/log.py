@@ -9,10 +9,14 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from dualbend.run.record import RunRecord
 from dualbend.types import Vector
 
 Times = NDArray[np.timedelta64]
 Colour = list[int]
+
+Series = tuple[str, Vector, Colour, float]
+"""A line of a plot: name, values (rows,), colour, width in points."""
 
 TIMELINE = "sim_time"
 """Name of the only timeline: simulated time since the start of the run."""
@@ -21,20 +25,26 @@ FRAME_CYCLES = 3
 """The scene in 3D has a frame every so many cycles (84 ms, 12 a second); series have every one."""
 
 
+def new_stream(name: str) -> rr.RecordingStream:
+    """Return a stream that knows no timeline but the run's; a name is one recording."""
+    stream = rr.RecordingStream("dualbend", recording_id=name, send_properties=False)
+    stream.set_log_time_enabled(False)
+    stream.set_log_tick_enabled(False)
+    return stream
+
+
+def row_times(run: RunRecord) -> Times:
+    """Return the times of the rows (rows,) in whole nanoseconds."""
+    return np.rint(1e9 * run["time"]).astype("timedelta64[ns]")
+
+
 @dataclass(frozen=True)
 class RecordingLog:
     """A stream and the times of the trace's rows, in whole nanoseconds.
 
-    Parameters
-    ----------
-    stream, times
-        Where to, and when.
-    begin
-        The run's row that is the first of ``times``.
-    done
-        Rows of ``times`` that were logged before, and with them all that is logged once.
-    ended
-        The last of ``times`` is the run's last: the scene is shown there too.
+    ``begin``: the run's row that is the first of ``times``. ``done``: rows of ``times`` that were
+    logged before, and with them all that is logged once. ``ended``: the last of ``times`` is the
+    run's last, and the scene is shown there too.
     """
 
     stream: rr.RecordingStream
@@ -111,17 +121,13 @@ class RecordingLog:
             index = rr.TimeColumn(TIMELINE, duration=times)
             self.stream.send_columns(entity, indexes=[index], columns=columns)
 
-    def lines(
-        self, entity: str, *series: tuple[str, Vector, Colour, float], every: int = 1
-    ) -> None:
-        """Log series of one plot, each with its name, values, colour and width in points."""
+    def lines(self, entity: str, *series: Series, every: int = 1) -> None:
+        """Log series of one plot."""
         names, values, colours, widths = zip(*series, strict=True)
         self.once(entity, rr.SeriesLines(names=names, colors=colours, widths=widths))
         self.rows(entity, rr.Scalars, every, scalars=np.stack(values, axis=1))
 
-    def broken_line(
-        self, entity: str, *series: tuple[str, Vector, Colour, float], every: int = 1
-    ) -> None:
+    def broken_line(self, entity: str, *series: Series, every: int = 1) -> None:
         """Log series that have gaps, where they are NaN: there a row without a value ends a line.
 
         A NaN itself would do, but equals no NaN: two recordings of one run would differ.

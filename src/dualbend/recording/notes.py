@@ -2,36 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.evaluation.metrics import WALL_CLOCK
+from dualbend.evaluation.recorded_rod import reference_moments
+from dualbend.evaluation.sheet import no_theory
 from dualbend.recording.layers import layers_of
 from dualbend.recording.log import FRAME_CYCLES
 from dualbend.recording.scales import Scales
-from dualbend.run.record import RunRecord
+from dualbend.run.record import Metric, RunRecord
 from dualbend.types import Vector
 
 _PERIOD_MS = round(1e3 * COMMAND_PERIOD_S)
-
-Value = float | Sequence[float | None] | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Notes:
     """What is known of a run beside its trace.
 
-    Parameters
-    ----------
-    metrics
-        Value and unit by name.
-    predicted_moment
-        The moment of an ideal sheet on the left grip at the recorded poses (rows,) [N m]; NaN where
-        none was computed.
+    ``metrics``: those of the run, not of the machine. ``predicted_moment``: of an ideal sheet on
+    the left grip at the recorded poses (rows,) [N m]; NaN where none was computed.
     """
 
-    metrics: Mapping[str, tuple[Value, str]]
+    metrics: Mapping[str, Metric]
     predicted_moment: Vector
+
+
+def notes_of(result: RunRecord) -> Notes:
+    """Return the run's metrics and, every third cycle, the rod's moment on the left grip.
+
+    At the sheet's own edges, so that the pads' compliance is not in the difference. None of a sheet
+    that may yield, which the elastic rod does not know.
+    """
+    metrics = {name: m for name, m in result.metrics.items() if name not in WALL_CLOCK}
+    count = result.trace.rows
+    predicted = np.full(count, np.nan)
+    if count and not no_theory(result.scenario):
+        shown = np.unique(np.append(np.arange(0, count, FRAME_CYCLES), count - 1))
+        rows = layers_of(result).predictable(result, shown)
+        if rows.size:
+            predicted[rows] = reference_moments(result, "edge", rows)
+    return Notes(metrics=metrics, predicted_moment=predicted)
 
 
 _NOT_PREDICTED = (
@@ -71,13 +86,13 @@ def story(result: RunRecord, notes: Notes | None, *, ended: bool = True) -> str:
         cycles = f"{result.simulated_s:.3f} s in {result.trace.rows} cycles"
         lines.append(f"\n{cycles}, seed {scenario.seed}\n")
     if notes is not None:
-        rows = [row for k, (v, unit) in notes.metrics.items() for row in _rows(k, v, unit)]
+        rows = [row for k, m in notes.metrics.items() for row in _rows(k, m.value, m.unit)]
         lines += ["| metric | value |", "|---|---:|", *rows]
     return "\n".join(lines)
 
 
-def _rows(name: str, value: Value, unit: str) -> list[str]:
-    if isinstance(value, Sequence):
+def _rows(name: str, value: float | list[float | None] | None, unit: str) -> list[str]:
+    if isinstance(value, list):
         return [row for i, v in enumerate(value, start=1) for row in _rows(f"{name} {i}", v, unit)]
     shown = "–" if value is None else f"{value:.4g}"
     return [f"| {name.replace('_', ' ')} [{unit}] | {shown} |"]

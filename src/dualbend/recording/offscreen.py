@@ -17,12 +17,7 @@ HELP = (
 def prepare() -> None:
     """Choose EGL on Linux without a screen, unless ``MUJOCO_GL`` says otherwise; import MuJoCo.
 
-    To be called before anything else imports MuJoCo.
-
-    Raises
-    ------
-    InputError
-        The back-end cannot be loaded.
+    To be called before anything else imports MuJoCo; InputError where it cannot be loaded.
     """
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")

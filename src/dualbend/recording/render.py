@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,7 +81,7 @@ def check_look(look: Look, run: Run, path: Path) -> None:
     ):
         if not low <= value <= high:
             raise InputError(f"--{name} {value:g}: must be between {low:g} and {high:g}")
-    cameras = _cameras(run.cell.model)
+    cameras = [run.cell.model.camera(i).name for i in range(run.cell.model.ncam)]
     if look.camera is not None and look.camera not in cameras:
         raise InputError(f"--camera {look.camera}: the cameras are {', '.join(cameras)}")
     # A run is long; what cannot be drawn after it is told before.
@@ -224,10 +223,6 @@ def _open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Ren
         raise no_opengl(error) from error
 
 
-def _cameras(model: mujoco.MjModel) -> list[str]:
-    return [model.camera(i).name for i in range(model.ncam)]
-
-
 def _write(picture: Image.Image, corner: tuple[int, int], text: str, share: float) -> None:
     """Write dark text on a light plate, its lower left corner given; size over the width."""
     draw = ImageDraw.Draw(picture)
@@ -247,10 +242,6 @@ def _save_gif(frames: list[Image.Image], path: Path, times_ms: list[int]) -> Non
         sheet.paste(frame, (0, i * height))
     # By octree: the median cut gives all colours to the floor and none to the brass pins.
     palette = sheet.quantize(_COLOURS, method=Image.Quantize.FASTOCTREE)
-    first, *others = _quantized(frames, palette)
+    none = Image.Dither.NONE
+    first, *others = (frame.quantize(palette=palette, dither=none) for frame in frames)
     first.save(path, save_all=True, append_images=others, duration=times_ms, loop=0, disposal=1)
-
-
-def _quantized(frames: list[Image.Image], palette: Image.Image) -> Iterator[Image.Image]:
-    for frame in frames:
-        yield frame.quantize(palette=palette, dither=Image.Dither.NONE)

@@ -29,7 +29,6 @@ from dualbend.recording.plots import NOMINAL_COLOUR
 from dualbend.recording.scales import Scales, diverging_colours
 from dualbend.run.permanent_set import hinge_moments
 from dualbend.run.record import RunRecord
-from dualbend.run.trace import Trace
 from dualbend.scene.sheet.shell import ShellConfig, vertex_body
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, strip_body
 from dualbend.types import SIDES, Vector
@@ -49,10 +48,7 @@ CLEAR_OF_JAWS_M = (0.025, 0.0, 0.015)
 def log_scene(log: RecordingLog, result: RunRecord, scales: Scales) -> None:
     """Log everything under ``/cell``, in the world frame and metres.
 
-    Raises
-    ------
-    NotImplementedError
-        A visual geom of the model is of a type that the recording has no shape for.
+    NotImplementedError where a visual geom is of a type that the recording has no shape for.
     """
     motion = forward(result)
     log.once("cell", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
@@ -62,7 +58,7 @@ def log_scene(log: RecordingLog, result: RunRecord, scales: Scales) -> None:
     _log_sheet(log, result, ribbon, triangles, scales)
     layers = layers_of(result)
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        _log_wrench(log, result.trace, side, sign, scales)
+        _log_wrench(log, result, side, sign, scales)
         layers.log_grip(log, result, motion, side, sign)
         _, (path, turned) = _paths(result, side, sign)
         log_axes(log, f"cell/grip/{side}_commanded", 0.045, path, turned)
@@ -172,40 +168,43 @@ def _ribbon(result: RunRecord, motion: Motion) -> Vector:
     hinged = strips[: hinges // 2] + strips[hinges // 2 + 1 :]
     left, right = motion.ends[:, :1], motion.ends[:, 1:]
     places = np.concatenate((left, motion.place[:, hinged], right), axis=1)
-    w, x, y, z = np.moveaxis(motion.quaternion[:, [hinged[0], *hinged, hinged[-1]]], -1, 0)
-    y_axes = np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)), -1)
-    across = 0.5 * result.scenario.sheet.width_m * y_axes
+    along = [hinged[0], *hinged, hinged[-1]]
+    across = 0.5 * result.scenario.sheet.width_m * _y_axes(motion.quaternion[:, along])
     return np.concatenate((places - across, places + across), axis=1)
 
 
 def _shell_ribbon(result: RunRecord, shell: ShellConfig, motion: Motion) -> Vector:
     """Return the same of a plate; the columns that the grips hold are on the way to the next."""
+    sites = [result.model.site(name).id for name in (LEFT_END, RIGHT_END)]
+    across = _y_axes(motion.quaternion[:, result.model.site_bodyid[sites]])
+    across *= 0.5 * result.scenario.sheet.width_m * np.array([1.0, -1.0])[:, None]
     edges = []
-    for row in (0, shell.cells_across + 1):
+    for row, sign in ((0, -1.0), (shell.cells_across + 1, 1.0)):
         free = [result.model.body(vertex_body(i, row)).id for i in range(2, shell.cells_along)]
         inner = motion.place[:, free]
-        sites = [result.model.site(name).id for name in (LEFT_END, RIGHT_END)]
-        bodies = result.model.site_bodyid[sites]
-        w, x, y, z = np.moveaxis(motion.quaternion[:, bodies], -1, 0)
-        across = np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)))
-        side = 0.5 * result.scenario.sheet.width_m * np.array([1.0, -1.0])[:, None]
-        ends = motion.ends + (-1.0 if row == 0 else 1.0) * side * np.moveaxis(across, 0, -1)
+        ends = motion.ends + sign * across
         left, right = ends[:, :1], ends[:, 1:]
         held = (2 * left + inner[:, :1]) / 3, (2 * right + inner[:, -1:]) / 3
         edges.append(np.concatenate((left, held[0], inner, held[1], right), axis=1))
     return np.concatenate(edges, axis=1)
 
 
-def _log_wrench(log: RecordingLog, trace: Trace, side: str, sign: float, scales: Scales) -> None:
+def _y_axes(quaternion: Vector) -> Vector:
+    """Return the y axes (..., 3) of frames turned by quaternions (..., 4; w first)."""
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    return np.stack((2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)), -1)
+
+
+def _log_wrench(
+    log: RecordingLog, result: RunRecord, side: str, sign: float, scales: Scales
+) -> None:
     """Log force and moment of the sheet on a grip, the force on the sheet's side of the gripper.
 
     A push ends before the grip and a pull starts there: behind it, the gripper would hide both.
     """
-    grip, force, moment = (
-        in_world(trace, (f"{side}_{kind}_x", f"{side}_{kind}_y", f"{side}_{kind}_z"), sign)
-        for kind in ("grip", "true_force", "true_moment")
-    )
-    force, moment = scales.force_m_per_n * force, scales.torque_m_per_n_m * moment
+    grip = in_world(result, f"{side}_grip", sign)
+    force = scales.force_m_per_n * in_world(result, f"{side}_true_force", sign)
+    moment = scales.torque_m_per_n_m * in_world(result, f"{side}_true_moment", sign)
     beside = grip + np.array([sign, sign, 1.0]) * CLEAR_OF_JAWS_M
     start = np.where(sign * force[:, :1] < 0.0, beside - force, beside)
     origins = np.stack((start, grip), axis=1).round(DECIMALS)

@@ -10,17 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.recording import plots
 from dualbend.recording.layers import layers_of
-from dualbend.recording.layout import layout
-from dualbend.recording.log import FRAME_CYCLES, RecordingLog, Times
+from dualbend.recording.log import FRAME_CYCLES, TIMELINE, RecordingLog, new_stream, row_times
 from dualbend.recording.notes import Notes, guide, story, words
 from dualbend.recording.scales import Scales
 from dualbend.recording.scene import log_paths, log_scene
 from dualbend.run.record import RunRecord
-from dualbend.run.trace import Trace
 
 _PREDICTED_COLOUR = [105, 240, 174]
 _OUTCOME_COLOURS = {
@@ -29,6 +28,9 @@ _OUTCOME_COLOURS = {
     "protective stop": 0xFFB300FF,
     "failed": 0xEF5350FF,
 }
+
+_SIDE_BY_SIDE = 3
+"""Plots that are seen at once; the others share a place as tabs."""
 
 _LANE = 0.1
 """Length of the outcome in the lane of phases, over that of the run."""
@@ -52,7 +54,7 @@ def write_recording(result: RunRecord, path: Path, notes: Notes | None = None) -
     stream = open_stream(result)
     stream.save(path, default_blueprint=layout(result))
     try:
-        log, scales = RecordingLog(stream, row_times(result.trace)), Scales.of(result)
+        log, scales = RecordingLog(stream, row_times(result)), Scales.of(result)
         log_texts(log, result, scales, notes)
         log_scene(log, result, scales)
         log_run(log, result)
@@ -65,21 +67,13 @@ def write_recording(result: RunRecord, path: Path, notes: Notes | None = None) -
 
 def open_stream(result: RunRecord, kind: str = "") -> rr.RecordingStream:
     """Return a stream for the run; one of another ``kind`` is another recording."""
-    scenario = result.scenario
-    name = f"{scenario.name}, seed {scenario.seed}"
     # Two runs of one name with other settings are two recordings, not one with doubled data.
-    digest = hashlib.sha256(scenario.to_toml().encode()).hexdigest()[:8]
-    stream = rr.RecordingStream(
-        "dualbend", recording_id=f"{name}, {digest}{kind}", send_properties=False
-    )
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
-    return stream
+    digest = hashlib.sha256(result.scenario.to_toml().encode()).hexdigest()[:8]
+    return new_stream(f"{_name(result)}, {digest}{kind}")
 
 
-def row_times(trace: Trace) -> Times:
-    """Return the times of the rows (rows,) in whole nanoseconds."""
-    return np.rint(1e9 * trace["time"]).astype("timedelta64[ns]")
+def _name(result: RunRecord) -> str:
+    return f"{result.scenario.name}, seed {result.scenario.seed}"
 
 
 def log_texts(
@@ -91,7 +85,7 @@ def log_texts(
     ended: bool = True,
 ) -> None:
     """Log the guide, the outcome with its metrics, and the scenario."""
-    log.stream.send_recording_name(f"{result.scenario.name}, seed {result.scenario.seed}")
+    log.stream.send_recording_name(_name(result))
     markdown = {"guide": guide(result, scales), "outcome": story(result, notes, ended=ended)}
     for entity, text in markdown.items():
         log.replace(entity, rr.TextDocument(text, media_type="text/markdown"))
@@ -118,18 +112,13 @@ def log_predicted(log: RecordingLog, notes: Notes) -> None:
 
 
 def log_lanes(log: RecordingLog, result: RunRecord) -> None:
-    """Log the lanes: phases, sheets of a book, and at the end of the run how it ended."""
-    if log.ended:
-        layers_of(result).log_lanes(log, result)
-    _log_phases(log, result)
-
-
-def _log_phases(log: RecordingLog, result: RunRecord) -> None:
-    """Log when each phase began and, one cycle after the last row, how the run ended.
+    """Log the lanes: phases, sheets of a book, and one cycle after the last row how the run ended.
 
     The lane goes on after the run and is reset there: a state is drawn up to the next change.
     """
     layers = layers_of(result)
+    if log.ended:
+        layers.log_lanes(log, result)
     names = layers.states(result)
     colours = layers.colours(result, names) | _OUTCOME_COLOURS
     starts = [
@@ -146,3 +135,36 @@ def _log_phases(log: RecordingLog, result: RunRecord) -> None:
     )
     log.replace("phase", look)
     log.send("phase", times, rr.StateChange.columns(state=shown))
+
+
+def layout(result: RunRecord) -> rrb.Blueprint:
+    """Return the viewer's layout for the run: its views, shares, legends and time panel."""
+    layers = layers_of(result)
+    views = layers.views(result)
+    reading = rrb.TextDocumentView(origin="guide", name="How to read this")
+    results = rrb.Tabs(
+        rrb.TextDocumentView(origin="outcome", name="Outcome and metrics"),
+        rrb.TextDocumentView(origin="scenario", name="Scenario"),
+    )
+    texts = rrb.Horizontal(views.near, reading, results, column_shares=[1.0, 0.8, 0.9])
+    scenes = [rrb.Horizontal(*views.top, column_shares=[1.4, 1.0]), texts, views.lane]
+    # What ended a run is at the right of its series; what a completed one shows is at the left.
+    done = result.outcome == "completed"
+    series = [
+        rrb.TimeSeriesView(
+            origin=origin,
+            name=title,
+            plot_legend=rrb.Corner2D.RightTop if done else rrb.Corner2D.LeftTop,
+            axis_y=rrb.ScalarAxis(range=near) if (near := layers.ranges.get(origin)) else None,
+        )
+        for origin, title in layers.titles.items()
+    ]
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(*scenes, row_shares=list(views.shares)),
+            rrb.Vertical(*series[:_SIDE_BY_SIDE], rrb.Tabs(*series[_SIDE_BY_SIDE:])),
+            column_shares=[3, 2],
+        ),
+        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        collapse_panels=True,
+    )

@@ -92,7 +92,7 @@ def reference_at_ends(run: RunRecord) -> Curve:
     moment = np.array(
         [
             (s.left if run.sensing_side == "left" else s.right).moment_nm if s.converged else np.nan
-            for s in recorded_rods(run, run.scenario.sheet.sheet(), "edge", chosen)
+            for s in recorded_rods(run, "edge", chosen)
         ]
     )
     name, x, y = "reference, recorded", run["nominal_alpha"][chosen], 1e3 * moment

@@ -33,7 +33,7 @@ def write_results(
     record
         Write ``run.rrd``.
     notes
-        What :func:`~dualbend.recording.prediction.notes_of` returned, where that is known already.
+        What :func:`~dualbend.recording.notes.notes_of` returned, where that is known already.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def write_results(
     }
     if record:
         # Here, because rerun takes half a second to import.
-        from dualbend.recording.prediction import notes_of  # noqa: PLC0415
+        from dualbend.recording.notes import notes_of  # noqa: PLC0415
         from dualbend.recording.write import write_recording  # noqa: PLC0415
 
         notes = notes_of(result) if notes is None else notes

@@ -74,7 +74,7 @@ def shapes(run: RunRecord) -> list[Shape]:
     chosen = rows[np.unique(at)]
     if no_theory(run.scenario):
         return [_shape(run, row, None) for row in chosen.tolist()]
-    states = recorded_rods(run, run.scenario.sheet.sheet(), "edge", chosen)
+    states = recorded_rods(run, "edge", chosen)
     return [_shape(run, row, state) for row, state in zip(chosen.tolist(), states, strict=True)]
 
 

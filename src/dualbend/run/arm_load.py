@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from dualbend.arm.mjcf import FT_SITE, GRIP_SITE
-from dualbend.arm.model import PUMA
+from dualbend.arm.model import PUMA, ArmModel
 from dualbend.arm.pair import ArmPair
 from dualbend.beam import elastica
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
@@ -27,16 +27,11 @@ def refuse_overload(
 
     Statics: gravity of arm and tool, half the sheet's weight, its end force and the moment of the
     first piece at the grip must stay below every joint's torque limit. Weights alone are compared
-    with the rated payload.
-
-    Raises
-    ------
-    InputError
-        With the arm, the joint and both numbers.
+    with the rated payload. InputError names the arm, the joint and both numbers.
     """
     data = mujoco.MjData(robots)
     for side, placed in zip(SIDES, arms, strict=True):
-        _refuse_payload(scenario, robots, side, placed.model.name, placed.model.payload_kg)
+        _refuse_payload(scenario, robots, side, placed.model)
         limits = np.array(placed.model.torque_limit_n_m)
         needed = np.zeros(placed.model.count)
         for q in poses:
@@ -59,19 +54,13 @@ def sheet_load(scenario: Scenario) -> Vector:
     """Return the largest wrench of the sheet on a grip, x, z [N] and about y [N m], (3,)."""
     sheet = scenario.sheet.sheet()
     stiffness, length = sheet.bending_stiffness_nm2, sheet.length_m
-    path = scenario.path
-    interval = _longest_piece(scenario)
+    path, interval = scenario.path, _longest_piece(scenario)
     share = min(interval / _PIECE_RAD, 1.0)
     force = elastica.end_force(path.end_rad, stiffness, length)
     if path.start_rad < interval * (1.0 - 1e-9):  # a rounding error is no way from the flat
         force += _FIRST_FORCE * share * stiffness / length**2
-    return np.array(
-        [
-            force,
-            0.5 * sheet.mass_kg * GRAVITY_M_PER_S2,
-            _MOMENT * stiffness * share * _PIECE_RAD / length,
-        ]
-    )
+    moment = _MOMENT * stiffness * share * _PIECE_RAD / length
+    return np.array([force, 0.5 * sheet.mass_kg * GRAVITY_M_PER_S2, moment])
 
 
 def _longest_piece(scenario: Scenario) -> float:
@@ -96,17 +85,15 @@ def _held(model: mujoco.MjModel, data: mujoco.MjData, side: Side, load: Vector) 
     return np.stack((carried - turned, carried + turned))
 
 
-def _refuse_payload(
-    scenario: Scenario, model: mujoco.MjModel, side: Side, name: str, payload_kg: float
-) -> None:
-    tool = float(model.body_subtreemass[model.site(f"{side}_{FT_SITE}").bodyid[0]])
-    sensor = float(model.body(f"{side}_sensor").mass[0])
+def _refuse_payload(scenario: Scenario, robots: mujoco.MjModel, side: Side, arm: ArmModel) -> None:
+    tool = float(robots.body_subtreemass[robots.site(f"{side}_{FT_SITE}").bodyid[0]])
+    sensor = float(robots.body(f"{side}_sensor").mass[0])
     carried = scenario.task.carried_share * scenario.sheet.sheet().mass_kg
-    if tool + sensor + carried > payload_kg:
+    if tool + sensor + carried > arm.payload_kg:
         raise InputError(
-            f"arm {name!r} on the {side} is too weak: gripper with sensor {tool + sensor:.2f} kg "
-            f"and its share of the sheet {carried:.2f} kg are above its payload of "
-            f"{payload_kg:g} kg"
+            f"arm {arm.name!r} on the {side} is too weak: gripper with sensor "
+            f"{tool + sensor:.2f} kg and its share of the sheet {carried:.2f} kg are above its "
+            f"payload of {arm.payload_kg:g} kg"
         )
 
 

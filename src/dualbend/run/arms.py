@@ -41,11 +41,11 @@ def _placed(scenario: Scenario, side: Side, targets: Mapping[Side, Vector] | Non
     model, given = arm_model(scenario.robot.of(side)), _by_hand(scenario, side)
     if model.placement is not None:
         given = {**vars(model.placement), **given}
-    if len(given) < len(_KEYS):
-        with refusing(f"scenario {scenario.name!r}, {side} arm"):
-            wanted = path_targets(scenario) if targets is None else targets[side]
-            return PlacedArm(model=model, placement=find_placement(model.name, wanted, given))
-    return PlacedArm(model=model, placement=Placement(**given))
+    if len(given) == len(_KEYS):
+        return PlacedArm(model=model, placement=Placement(**given))
+    with refusing(f"scenario {scenario.name!r}, {side} arm"):
+        wanted = path_targets(scenario) if targets is None else targets[side]
+        return PlacedArm(model=model, placement=find_placement(model.name, wanted, given))
 
 
 def path_targets(scenario: Scenario) -> Vector:
@@ -71,25 +71,21 @@ def with_placements(scenario: Scenario, targets: Mapping[Side, Vector] | None = 
     """Return the scenario with both arms' places written into ``cell``: nothing is left to find."""
     arms = arm_pair(scenario, targets)
     left, right = (PlacementConfig(**vars(placed.placement)) for placed in arms)
-    nothing = dict.fromkeys((*_KEYS, "left", "right"))
-    told: dict[str, Any] = {"left": left, "right": right}
+    told: dict[str, Any] = dict.fromkeys((*_KEYS, "left", "right"))
     if arms.alike:
-        told = {key: getattr(left, key) for key in _KEYS}
-    cell = msgspec.structs.replace(scenario.cell, **{**nothing, **told})
+        told |= {key: getattr(left, key) for key in _KEYS}
+    else:
+        told |= {"left": left, "right": right}
+    cell = msgspec.structs.replace(scenario.cell, **told)
     return msgspec.structs.replace(scenario, cell=cell)
 
 
 def _by_hand(scenario: Scenario, side: Side) -> dict[str, Any]:
     """Return what the scenario says of one side's place, its own keys before those of both."""
-    cell = scenario.cell
-    own = (cell.left if side == "left" else cell.right) or PlacementConfig()
-    found = {}
-    for key in _KEYS:
-        value = getattr(own, key)
-        value = getattr(cell, key) if value is None else value
-        if value is not None:
-            found[key] = value
-    return found
+    own = getattr(scenario.cell, side) or PlacementConfig()
+    said = {key: (getattr(own, key), getattr(scenario.cell, key)) for key in _KEYS}
+    firsts = {k: both if mine is None else mine for k, (mine, both) in said.items()}
+    return {key: value for key, value in firsts.items() if value is not None}
 
 
 def joint_stiffness(scenario: Scenario) -> Vector:
@@ -103,13 +99,7 @@ def joint_stiffness(scenario: Scenario) -> Vector:
 
 
 def one_kind(arms: ArmPair, what: str) -> ArmPair:
-    """Return the arms if they are alike.
-
-    Raises
-    ------
-    InputError
-        They are not, and what is computed of one arm would not be true of the other.
-    """
+    """Return the arms; InputError where what is computed of one is not true of the other."""
     if not arms.alike:
         raise InputError(
             f"{what} is computed of one arm and needs two of a kind that stand alike, not "

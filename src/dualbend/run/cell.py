@@ -24,20 +24,10 @@ from dualbend.types import Vector
 class RobotCell:
     """Both arms with the sheet between them, at rest, tracking joint set-points cycle by cycle.
 
-    Parameters
-    ----------
-    scenario
-        Says everything about the cell.
-    start
-        x, z [m] and end slope α [rad] of both grips in their bending frames, (3,).
-    place
-        Where the bending frames are carried to at the start, (4,) as
-        :func:`dualbend.scene.ik.carried_targets` has it; None: nowhere.
-
-    Raises
-    ------
-    InputError
-        The start is out of reach.
+    ``start``: x, z [m] and end slope α [rad] of both grips in their bending frames, (3,).
+    ``place``: where these frames are carried to at the start, (4,) as
+    :func:`dualbend.scene.ik.carried_targets` has it; None: nowhere. InputError where the start is
+    out of reach.
     """
 
     def __init__(self, scenario: Scenario, start: Vector, place: Vector | None = None) -> None:

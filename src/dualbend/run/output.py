@@ -19,6 +19,7 @@ from dualbend.errors import writing
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import TraceStream
+from dualbend.scenario.scenario import Scenario
 
 
 def prepare_folder(folder: Path) -> None:
@@ -49,13 +50,12 @@ def write_scenario(result: RunRecord, path: Path) -> None:
 
 def write_trace(result: RunRecord, path: Path) -> None:
     """Write ``trace.parquet``, one row a cycle, units in the columns' metadata."""
-    metadata = {
-        "scenario": result.scenario.name,
-        "seed": str(result.scenario.seed),
-        "outcome": result.outcome,
-        "model_sha256": model_hash(result.model),
-    }
-    result.trace.write(path, metadata)
+    about = _about(result.scenario, result.outcome)
+    result.trace.write(path, {**about, "model_sha256": model_hash(result.model)})
+
+
+def _about(scenario: Scenario, outcome: str) -> dict[str, str]:
+    return {"scenario": scenario.name, "seed": str(scenario.seed), "outcome": outcome}
 
 
 @contextmanager
@@ -65,14 +65,8 @@ def trace_kept(run: Run, folder: Path) -> Iterator[Callable[[], None]]:
     The file is gone at the end: ``trace.parquet`` takes its place.
     """
     path = folder / "trace.arrow"
-    scenario = run.scenario
-    metadata = {
-        "scenario": scenario.name,
-        "seed": str(scenario.seed),
-        "outcome": "unknown",
-        "scenario_toml": scenario.to_toml(),
-    }
-    stream = TraceStream(path, metadata)
+    about = _about(run.scenario, "unknown")
+    stream = TraceStream(path, {**about, "scenario_toml": run.scenario.to_toml()})
     try:
         yield lambda: stream.update(run.trace)
     finally:

@@ -42,15 +42,14 @@ def load_run(folder: Path | str, *, unfinished: bool = False) -> RunRecord:
     # Beside a run's files it is of a later run: one that finishes takes it away.
     if unfinished and (folder / _STREAM).is_file():
         return _load_unfinished(folder)
-    missing = [name for name in FILES if not (folder / name).is_file()]
-    if missing and (folder / _STREAM).is_file():
+    if missing := ", ".join(name for name in FILES if not (folder / name).is_file()):
+        if (folder / _STREAM).is_file():
+            raise InputError(
+                f"{folder}: the run was ended before it could write {missing}: "
+                f"there is only {_STREAM}; run it again"
+            )
         raise InputError(
-            f"{folder}: the run was ended before it could write {', '.join(missing)}: "
-            f"there is only {_STREAM}; run it again"
-        )
-    if missing:
-        raise InputError(
-            f"{folder}: no folder of a run: there is no {', '.join(missing)}; "
+            f"{folder}: no folder of a run: there is no {missing}; "
             f"dualbend run SCENARIO --out {folder} makes one"
         )
     scenario_file, summary_file, trace_file = (folder / name for name in FILES)

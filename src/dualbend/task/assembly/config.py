@@ -36,6 +36,24 @@ class SearchConfig(Config):
     attempts: Annotated[int, said("before the task stops", ge=0, le=50)] = 6
     step_m: Annotated[float, said("between the places that are tried", gt=0)] = 1.2e-3
 
+    def places(self) -> list[tuple[float, float]]:
+        """Return where to try the middle holes, (x, y) [m], relative to their place.
+
+        In place, then along and across on both sides, then the corners; then further out.
+        """
+        square = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1), (1, -1), (-1, 1)]
+        rings = [(1 + n // 8, *square[n % 8]) for n in range(self.attempts)]
+        return [(0.0, 0.0), *((n * x * self.step_m, n * y * self.step_m) for n, x, y in rings)]
+
+    def aside(self) -> list[float]:
+        """Return how far the outer holes are turned aside [m]: the middle is on its pins already.
+
+        A quarter of the step: what the middle holes' clearance leaves is less than that of a free
+        sheet.
+        """
+        sides = [0.25 if n % 2 == 0 else -0.25 for n in range(self.attempts)]
+        return [0.0, *((1 + n // 2) * side * self.step_m for n, side in enumerate(sides))]
+
 
 DEFAULT_YIELD_PA = 193e6
 """Of a sheet of no named material: 5052-H32, that of the shipped experiments."""
@@ -62,14 +80,6 @@ class ErrorsConfig(Config):
     thickness_factor: Annotated[float, said("true thickness over the believed one", gt=0)] = 1.0
     modulus_factor: Annotated[float, said("true Young's modulus over the believed one", gt=0)] = 1.0
     friction_factor: Annotated[float, said("true friction over the believed one", ge=0)] = 1.0
-
-    def true_sheet(self, sheet: Sheet) -> Sheet:
-        """Return the sheet as it is."""
-        return replace(
-            sheet,
-            thickness_m=sheet.thickness_m * self.thickness_factor,
-            young_pa=sheet.young_pa * self.modulus_factor,
-        )
 
 
 class SpreadConfig(Config):
@@ -119,12 +129,12 @@ class AssemblyConfig(TaskConfig, tag="assembly"):
     @property
     def workplace(self) -> LayoutConfig:
         """The workplace with the friction that it really has."""
-        factor, layout = self.errors.friction_factor, self.layout
-        return msgspec.structs.replace(
-            layout,
-            pins=msgspec.structs.replace(layout.pins, friction=layout.pins.friction * factor),
-            bed=msgspec.structs.replace(layout.bed, friction=layout.bed.friction * factor),
-        )
+        factor = self.errors.friction_factor
+        parts = {
+            name: msgspec.structs.replace(part, friction=part.friction * factor)
+            for name, part in (("pins", self.layout.pins), ("bed", self.layout.bed))
+        }
+        return msgspec.structs.replace(self.layout, **parts)
 
     def check(self, sheet: SheetConfig, motion: MotionConfig) -> None:
         """Refuse a sheet that yields or has no holes, and a motion that goes back."""
@@ -144,7 +154,11 @@ class AssemblyConfig(TaskConfig, tag="assembly"):
 
     def true_sheet(self, sheet: Sheet) -> Sheet:
         """Return the sheet as it is."""
-        return self.errors.true_sheet(sheet)
+        return replace(
+            sheet,
+            thickness_m=sheet.thickness_m * self.errors.thickness_factor,
+            young_pa=sheet.young_pa * self.errors.modulus_factor,
+        )
 
     def limit_strain(self, known: float | None, sheet: Sheet) -> float:
         """Return the strain at the given yield strength, or the material's, or the default."""

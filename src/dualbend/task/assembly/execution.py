@@ -6,21 +6,15 @@ from dataclasses import dataclass, field
 
 from dualbend.task.assembly.motions import Goal, Posture, Sensed
 from dualbend.task.assembly.state import State
-from dualbend.task.assembly.steps import Phase, Step
+from dualbend.task.assembly.steps import Phase
 
 
 @dataclass
 class Execution:
     """An explicit state machine over a table of phases; it may be copied or pickled in any cycle.
 
-    Parameters
-    ----------
-    table
-        Phases in their order; it is only read.
-    start
-        Posture in which the arms begin.
-    bend_rad
-        Bending angle at which a sheet is laid.
+    ``table`` is only read; ``start``: posture in which the arms begin; ``bend_rad``: bending angle
+    at which a sheet is laid.
     """
 
     table: tuple[Phase, ...]
@@ -32,7 +26,7 @@ class Execution:
 
     def __post_init__(self) -> None:
         self.state = State(posture=self.start, begin=self.start, end=self.start)
-        self.goal = self._next_goal(entered=False)
+        self.goal = self._next_goal()
 
     def advance(self, sensed: Sensed) -> Goal | None:
         """Return the goal of the next cycle, given what was sensed in the present one.
@@ -43,35 +37,38 @@ class Execution:
             What was sensed tells that the assembly cannot go on.
         """
         self.state.seen.append(sensed)
-        self.goal = self._next_goal(entered=True)
+        self.goal = self._next_goal()
         return self.goal
 
-    def _next_goal(self, *, entered: bool) -> Goal | None:
+    def _next_goal(self) -> Goal | None:
         """Return the goal of the first step that needs a cycle, from the present one on."""
         state = self.state
         while state.row < len(self.table):
             phase = self.table[state.row]
             if state.step == len(phase.steps):
                 self._leave(phase)
-                continue
-            step = phase.steps[state.step]
-            if (entered or step.enter(state)) and step.advance(state):
-                return state.goal(self._alpha_ratio(step))
-            state.step, entered = state.step + 1, False
+            elif phase.steps[state.step].advance(state):
+                return self._goal(phase.steps[state.step].alpha_ratio)
+            else:
+                state.step, state.cycle, state.pressed = state.step + 1, 0, 0
         return None
 
     def _leave(self, phase: Phase) -> None:
         """Go to the next phase, or back by one for another attempt."""
-        state = self.state
-        state.step = 0
-        if phase.retry is not None and phase.retry.needed(state):
-            state.row, state.attempt = state.row - 1, state.attempt + 1
-            return
-        state.row += 1
-        if phase.retry is not None:
-            state.attempt = 0
+        state, again = self.state, False
+        if phase.holes is not None:
+            again = phase.holes.missed(state)
+            state.attempt = state.attempt + 1 if again else 0
+        state.row, state.step = state.row - 1 if again else state.row + 1, 0
 
-    def _alpha_ratio(self, step: Step) -> float | None:
-        if step.alpha_ratio is None:
-            return None
-        return min(step.alpha_ratio, self.state.posture.alpha / self.bend_rad)
+    def _goal(self, alpha_ratio: float | None) -> Goal:
+        state = self.state
+        if alpha_ratio is not None:
+            alpha_ratio = min(alpha_ratio, state.posture.alpha / self.bend_rad)
+        return Goal(
+            phase=state.phase,
+            posture=state.posture,
+            alpha_ratio=alpha_ratio,
+            seeking=state.seeking,
+            attempt=state.attempt,
+        )

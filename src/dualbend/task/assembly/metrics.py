@@ -35,7 +35,7 @@ def final_holes(result: RunRecord) -> Vector:
         laid.append(np.array(columns))
     holes = np.array(laid).reshape(len(laid), len(HOLES), 3)
     # Each sheet rests on those before it.
-    thickness = assembly.errors.true_sheet(result.scenario.sheet.sheet()).thickness_m
+    thickness = assembly.true_sheet(result.scenario.sheet.sheet()).thickness_m
     holes[:, :, 2] -= thickness * np.arange(len(laid))[:, np.newaxis]
     return holes
 
@@ -50,42 +50,44 @@ def seated(result: RunRecord) -> NDArray[np.bool_]:
     return np.asarray(around & (np.abs(holes[:, :, 2]) <= RESTING_WITHIN_M) & done)
 
 
+def peaks(result: RunRecord) -> dict[str, Vector]:
+    """Return the signal (rows,) of which each metric is the largest value, over all phases."""
+    trace = result.trace
+    forces = [[trace[f"{side}_true_force_{axis}"] for axis in "xyz"] for side in SIDES]
+    return {
+        "peak_moment": np.max([np.abs(trace[f"{side}_true_moment_y"]) for side in SIDES], axis=0),
+        "peak_force": np.max([np.linalg.norm(force, axis=0) for force in forces], axis=0),
+        "peak_pin_force": np.max([trace[f"pin_force_{hole}"] for hole in HOLES], axis=0),
+        "peak_edge_force": np.max([trace[f"edge_force_{hole}"] for hole in HOLES], axis=0),
+        "peak_surface_strain": surface_strain(result),
+        "ik_residual_max": np.abs(trace["ik_position"]),
+    }
+
+
 def phase_table(result: RunRecord) -> list[dict[str, Any]]:
     """Return each phase in the order in which it was entered, with its time and peaks.
 
     ``peak_moment`` about the bending axis [N m] and ``peak_force`` [N] on either gripper,
     ``peak_pin_force`` [N].
     """
-    trace = result.trace
+    trace, signals = result.trace, peaks(result)
     if not trace.rows:
         return []
     keys = np.stack([trace["phase"], trace["attempt"], trace["sheet"]])
     starts = np.flatnonzero(np.any(np.diff(keys, prepend=np.nan) != 0.0, axis=0))
-    moment = np.max([np.abs(trace[f"{side}_true_moment_y"]) for side in SIDES], axis=0)
-    force = np.max(
-        [
-            np.linalg.norm([trace[f"{side}_true_force_{axis}"] for axis in "xyz"], axis=0)
-            for side in SIDES
-        ],
-        axis=0,
-    )
-    pins = np.max([trace[f"pin_force_{hole}"] for hole in HOLES], axis=0)
-    table = []
-    for first, end in zip(starts, [*starts[1:], trace.rows], strict=True):
-        rows = slice(first, end)
-        table.append(
-            {
-                "phase": result.phases[int(trace["phase"][first])],
-                "sheet": int(trace["sheet"][first]),
-                "attempt": int(trace["attempt"][first]),
-                "start_s": float(trace["time"][first]),
-                "time_s": float((end - first) * COMMAND_PERIOD_S),
-                "peak_moment_nm": float(moment[rows].max()),
-                "peak_force_n": float(force[rows].max()),
-                "peak_pin_force_n": float(pins[rows].max()),
-            }
-        )
-    return table
+    return [
+        {
+            "phase": result.phases[int(trace["phase"][first])],
+            "sheet": int(trace["sheet"][first]),
+            "attempt": int(trace["attempt"][first]),
+            "start_s": float(trace["time"][first]),
+            "time_s": float((end - first) * COMMAND_PERIOD_S),
+            "peak_moment_nm": float(signals["peak_moment"][first:end].max()),
+            "peak_force_n": float(signals["peak_force"][first:end].max()),
+            "peak_pin_force_n": float(signals["peak_pin_force"][first:end].max()),
+        }
+        for first, end in zip(starts, [*starts[1:], trace.rows], strict=True)
+    ]
 
 
 def hole_table(result: RunRecord) -> list[dict[str, Any]]:
@@ -128,61 +130,44 @@ def middle_spacing(result: RunRecord) -> float | None:
     bent = np.flatnonzero(trace["phase"] == result.phases.index("bend"))
     if not bent.size:
         return None
-    assembly = assembly_of(result.scenario)
-    last, pair = bent[-1], assembly.layout.holes.middle
-    between = [2.0 * pair.along_m, 2.0 * pair.across_m]
+    pair = assembly_of(result.scenario).layout.holes.middle
+    nominal = [2.0 * pair.along_m, 2.0 * pair.across_m]
+    between = list(nominal)
     for i, axis in enumerate("xy"):
-        left, right = (trace[f"hole_middle_{side}_{axis}"][last] for side in SIDES)
+        left, right = (trace[f"hole_middle_{side}_{axis}"][bent[-1]] for side in SIDES)
         between[i] += right - left
-    across = 2.0 * pair.across_m
-    return float(np.sqrt(between[0] ** 2 + between[1] ** 2 - across**2))
+    return float(np.sqrt(between[0] ** 2 + between[1] ** 2 - nominal[1] ** 2))
 
 
 def metrics(result: RunRecord) -> dict[str, Metric]:
     """Return the metrics of an assembly; forces and moments are those of all phases."""
-    phases, holes, pins = phase_table(result), hole_table(result), pin_table(result)
-    config, sheet = assembly_of(result.scenario), result.scenario.sheet.sheet()
-    spacing = middle_spacing(result)
+    signals, config = peaks(result), assembly_of(result.scenario)
+    holes, spacing = hole_table(result), middle_spacing(result)
     if spacing is not None:
+        sheet = result.scenario.sheet.sheet()
         plan = plan_assembly(sheet, config.layout.holes, config.layout.pins)
         spacing -= plan.spacing_m(result.scenario.path.end_rad)
+    retries = [p["attempt"] > 0 for p in phase_table(result) if "lower" in p["phase"]]
+
+    def largest(name: str, unit: str) -> Metric:
+        return Metric(peak(signals[name]), unit)
+
     return {
         "holes_seated": Metric(float(seated(result).sum()), "1"),
-        "worst_hole_offset": Metric(_largest(holes, "offset_m"), "m"),
-        "worst_hole_height": Metric(_largest(holes, "height_m"), "m"),
-        "peak_pin_force": Metric(_largest(pins, "peak_force_n"), "N"),
-        "peak_edge_force": Metric(_largest(pins, "peak_edge_force_n"), "N"),
-        "peak_moment": Metric(_largest(phases, "peak_moment_nm"), "N m"),
-        "peak_force": Metric(_largest(phases, "peak_force_n"), "N"),
-        "peak_surface_strain": Metric(peak(surface_strain(result)), "1"),
+        "worst_hole_offset": Metric(peak(np.array([h["offset_m"] for h in holes])), "m"),
+        "worst_hole_height": Metric(peak(np.array([h["height_m"] for h in holes])), "m"),
+        "peak_pin_force": largest("peak_pin_force", "N"),
+        "peak_edge_force": largest("peak_edge_force", "N"),
+        "peak_moment": largest("peak_moment", "N m"),
+        "peak_force": largest("peak_force", "N"),
+        "peak_surface_strain": largest("peak_surface_strain", "1"),
         "yield_strain": Metric(result.scenario.limit_strain, "1"),
         "middle_spacing_error": Metric(spacing, "m"),
-        "retries": Metric(
-            float(sum(p["attempt"] > 0 for p in phases if "lower" in p["phase"])), "1"
-        ),
+        "retries": Metric(float(sum(retries)), "1"),
         **{k: v for k, v in common_metrics(result).items() if k != "ik_rotation_residual_max"},
     }
-
-
-def _largest(rows: list[dict[str, Any]], key: str) -> float | None:
-    values = [row[key] for row in rows if row[key] is not None]
-    return max(abs(value) for value in values) if values else None
 
 
 def tables(result: RunRecord) -> dict[str, list[dict[str, Any]]]:
     """Return the tables of phases, holes and pins."""
     return {"phases": phase_table(result), "holes": hole_table(result), "pins": pin_table(result)}
-
-
-def peaks(result: RunRecord) -> dict[str, Vector]:
-    """Return the signal (rows,) of which each metric is the largest value, over all phases."""
-    trace = result.trace
-    forces = [[trace[f"{side}_true_force_{axis}"] for axis in "xyz"] for side in SIDES]
-    return {
-        "peak_moment": np.max([np.abs(trace[f"{side}_true_moment_y"]) for side in SIDES], axis=0),
-        "peak_force": np.max([np.linalg.norm(force, axis=0) for force in forces], axis=0),
-        "peak_pin_force": np.max([trace[f"pin_force_{hole}"] for hole in HOLES], axis=0),
-        "peak_edge_force": np.max([trace[f"edge_force_{hole}"] for hole in HOLES], axis=0),
-        "peak_surface_strain": surface_strain(result),
-        "ik_residual_max": np.abs(trace["ik_position"]),
-    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from dualbend.types import Vector
 
@@ -99,14 +99,6 @@ class Pace:
 def interpolate(begin: Posture, end: Posture, u: float) -> Posture:
     """Return the posture at u in [0, 1] of a motion's time: s(u) = u³ (10 − 15 u + 6 u²)."""
     share = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
-    return Posture(
-        **{f.name: _between(getattr(begin, f.name), getattr(end, f.name), share) for f in _FIELDS}
-    )
-
-
-_FIELDS = fields(Posture)
-
-
-def _between(begin: float, end: float, share: float) -> float:
-    """Interpolate; rounding must not leave the range, nor change what stays."""
-    return begin if begin == end else (1.0 - share) * begin + share * end
+    both = zip(vars(begin).items(), vars(end).values(), strict=True)
+    # Rounding must not leave the range, nor change what stays.
+    return Posture(**{k: a if a == b else (1.0 - share) * a + share * b for (k, a), b in both})

@@ -18,7 +18,6 @@ from dualbend.errors import InputError
 from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.execution import Execution
 from dualbend.task.assembly.motions import Pace, Posture
-from dualbend.task.assembly.search import search_pattern, side_to_side
 from dualbend.task.assembly.state import MEAN_CYCLES, State
 from dualbend.task.assembly.steps import (
     CheckGrasp,
@@ -28,7 +27,6 @@ from dualbend.task.assembly.steps import (
     Move,
     MoveDown,
     Phase,
-    Retry,
     Step,
     Wait,
 )
@@ -40,22 +38,10 @@ _TIP_MARGIN_M = 1.5e-3
 class AssemblyProgram:
     """Table of phases and steps by which two robots lay a stack of sheets.
 
-    It does not change: any number of executions may share it.
-
-    Parameters
-    ----------
-    config
-        Workplace, speeds, limits.
-    sheet
-        As the robots believe it to be.
-    path
-        Half distance and rise over the bending angle, up to that at which the sheet is laid.
-    touch_rad
-        Bending angle at which the outer holes come to the tips of their pins.
-    bend_speed_rad_per_s
-        Highest speed of the bending angle while the sheet is bent in the air.
-    period_s
-        Command period.
+    It does not change: any number of executions may share it. ``sheet``: as the robots believe it
+    to be. ``path``: half distance and rise over the bending angle, up to that at which the sheet is
+    laid. ``touch_rad``: bending angle at which the outer holes come to the tips of their pins.
+    ``bend_speed_rad_per_s``: highest speed of the bending angle while the sheet bends in the air.
     """
 
     def __init__(
@@ -70,8 +56,13 @@ class AssemblyProgram:
     ) -> None:
         self.config, self.sheet, self.bend_rad = config, sheet, float(path.knots[-1])
         self.touch_rad, self.bend_speed_rad_per_s = touch_rad, bend_speed_rad_per_s
+        self.pace = Pace(
+            linear_m_per_s=config.speeds.travel_m_per_s,
+            angular_rad_per_s=config.speeds.unfold_rad_per_s,
+            jaw_m_per_s=config.speeds.jaw_m_per_s,
+            period_s=period_s,
+        )
         self._wait = partial(Wait, timeout_s=config.timeout_s, period_s=period_s)
-        self.period_s = period_s
         self.start = Posture(
             y=config.layout.stand.y_m,
             z=config.layout.stand.top_m + 0.5 * sheet.thickness_m,
@@ -88,23 +79,20 @@ class AssemblyProgram:
 
     def waypoints(self) -> list[tuple[str, Posture]]:
         """Return the postures between which the arms move, by the phase that ends there."""
-        stand = replace(self.start, retreat=0.0, opening=0.0)
-        up = replace(stand, z=stand.z + self.config.lift_m)
-        over = replace(up, y=0.0, z=self._seat_z(0) + self.config.lift_m)
-        bent = replace(over, alpha=self.bend_rad)
-        down = replace(bent, z=self._seat_z(0) - self.config.press_m)
-        flat = replace(down, alpha=0.0, z=self._seat_z(0))
-        away = replace(flat, retreat=self.config.retreat_m)
-        return [
-            ("approach", self.start),
-            ("grasp", stand),
-            ("lift", up),
-            ("carry", over),
-            ("bend", bent),
-            ("lower", down),
-            ("unfold", flat),
-            ("withdraw", away),
-        ]
+        config, posture, seat = self.config, self.start, self._seat_z(0)
+        found = [("approach", posture)]
+        for phase, change in (
+            ("grasp", {"retreat": 0.0, "opening": 0.0}),
+            ("lift", {"z": posture.z + config.lift_m}),
+            ("carry", {"y": 0.0, "z": seat + config.lift_m}),
+            ("bend", {"alpha": self.bend_rad}),
+            ("lower", {"z": seat - config.press_m}),
+            ("unfold", {"alpha": 0.0, "z": seat}),
+            ("withdraw", {"retreat": config.retreat_m}),
+        ):
+            posture = replace(posture, **change)
+            found.append((phase, posture))
+        return found
 
     def _seat_z(self, layer: int) -> float:
         return self.config.layout.bed.top_m + (0.5 + layer) * self.sheet.thickness_m
@@ -113,25 +101,36 @@ class AssemblyProgram:
 
     def _lay(self, layer: int) -> Sequence[Phase]:
         """Return the phases that lay a sheet on this many others."""
-        config, start, move, settle = self.config, self.start, self._move, self._settle
+        config, start, move, wait = self.config, self.start, self._move, self._wait
         t, weight = self.sheet.thickness_m, self.sheet.mass_kg * GRAVITY_M_PER_S2
         over = self._seat_z(layer) + config.lift_m
         back = [move(z=over), move(x=0.0, y=start.y, yaw=0.0), move(z=start.z)] if layer else []
-        bend = move(angle_speed=self.bend_speed_rad_per_s, alpha=self.bend_rad)
+        slow = replace(self.pace, angular_rad_per_s=self.bend_speed_rad_per_s)
+        # The grips are where they were sent, and the noise has been averaged out.
+        settle = partial(
+            wait,
+            quantity=State.grip_error,
+            below=1e-3,
+            otherwise="the grips are not where they were sent",
+            rest_cycles=MEAN_CYCLES,
+        )
+        rest, gap = "the jaws have not come to rest", "the jaws have not opened"
+        closed = wait(quantity=State.jaw_travel, below=0.1 * t, otherwise=rest)
+        opened = wait(quantity=State.jaw_gap, above=1.6 * start.opening, otherwise=gap)
         middle, outer = self._middle_holes(layer), self._outer_holes()
-        touch, attempts = self._unfold_to_touch(layer), 1 + config.search.attempts
+        touch = self._unfold_to_touch(layer)
         return [
             Phase("approach", [*back, move(retreat=0.0), settle(), Measure("empty")]),
-            Phase("grasp", [move(opening=0.0), self._closed(0.1 * t), CheckGrasp(t)]),
+            Phase("grasp", [move(opening=0.0), closed, CheckGrasp(t)]),
             Phase("lift", [move(z=start.z + config.lift_m), settle(), CheckWeight(weight)]),
             Phase("carry", [move(y=0.0, z=over), settle()]),
-            Phase("bend", [bend, settle(), Measure("free")]),
+            Phase("bend", [move(pace=slow, alpha=self.bend_rad), settle(), Measure("free")]),
             Phase("lower", self._lower(layer, middle)),
-            Phase("seat middle", [settle(alpha_ratio=1.0)], Retry(middle, attempts)),
+            Phase("seat middle", [settle(alpha_ratio=1.0)], middle),
             Phase("unfold", [touch]),
             Phase("lower outer", self._lower_outer(layer, touch, outer)),
-            Phase("seat outer", [settle(alpha_ratio=0.0)], Retry(outer, attempts)),
-            Phase("release", [move(opening=start.opening), self._open(1.6 * start.opening)]),
+            Phase("seat outer", [settle(alpha_ratio=0.0)], outer),
+            Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
         ]
 
@@ -140,12 +139,16 @@ class AssemblyProgram:
         config, pins, speeds = self.config, self.config.layout.pins, self.config.speeds
         tips = self._seat_z(layer) + pins.height_m
         past_tips = tips - pins.tip_m - _TIP_MARGIN_M
-        x, y = zip(*search_pattern(config.search), strict=True)
+        x, y = zip(*config.search.places(), strict=True)
+        contact, seat = (
+            replace(self.pace, linear_m_per_s=speed)
+            for speed in (speeds.contact_m_per_s, speeds.seat_m_per_s)
+        )
         return [
             self._move(z=tips + _TIP_MARGIN_M),
             self._move(x=x, y=y),
-            self._down(holes, speed=speeds.contact_m_per_s, z=past_tips),
-            self._down(holes, speed=speeds.seat_m_per_s, top=past_tips, z=holes.target),
+            self._down(holes, contact, z=past_tips),
+            self._down(holes, seat, top=past_tips, z=holes.target),
         ]
 
     def _unfold_to_touch(self, layer: int) -> Move:
@@ -158,11 +161,12 @@ class AssemblyProgram:
     def _lower_outer(self, layer: int, touch: Move, holes: HolePair) -> Sequence[Step]:
         """Unfold; where it is not the first time, bend up to the touch and turn before."""
         config = self.config
-        along, speed = config.layout.holes.outer.along_m, config.speeds.contact_rad_per_s
-        turn = self._move(yaw=tuple(place / along for place in side_to_side(config.search)))
+        along = config.layout.holes.outer.along_m
+        turn = self._move(yaw=tuple(place / along for place in config.search.aside()))
+        slow = replace(self.pace, angular_rad_per_s=config.speeds.contact_rad_per_s)
         return [
             *(replace(move, retry_only=True) for move in (touch, turn)),
-            self._down(holes, angle_speed=speed, alpha=holes.target, z=self._seat_z(layer)),
+            self._down(holes, slow, alpha=holes.target, z=self._seat_z(layer)),
         ]
 
     def _middle_holes(self, layer: int) -> HolePair:
@@ -176,6 +180,7 @@ class AssemblyProgram:
             touch_n=press_n + 0.1 * (tip_n - press_n),
             missed_n=press_n + 0.3 * (tip_n - press_n),
             softness=self.config.press_m / press_n,
+            attempts=1 + self.config.search.attempts,
         )
 
     def _outer_holes(self) -> HolePair:
@@ -193,6 +198,7 @@ class AssemblyProgram:
             missed_n=missed,
             # A grip rises by L/π for each radian.
             softness=math.pi / (stiffness * sheet.length_m),
+            attempts=1 + self.config.search.attempts,
         )
 
     # -- its steps --------------------------------------------------------------------------
@@ -200,36 +206,19 @@ class AssemblyProgram:
     def _move(
         self,
         *,
-        speed: float | None = None,
-        angle_speed: float | None = None,
+        pace: Pace | None = None,
         alpha_ratio: float | None = None,
         **to: float | tuple[float, ...],
     ) -> Move:
-        speeds = self.config.speeds
-        pace = Pace(
-            linear_m_per_s=speed or speeds.travel_m_per_s,
-            angular_rad_per_s=angle_speed or speeds.unfold_rad_per_s,
-            jaw_m_per_s=speeds.jaw_m_per_s,
-            period_s=self.period_s,
-        )
-        return Move(to=to, pace=pace, alpha_ratio=alpha_ratio)
+        return Move(to=to, pace=pace or self.pace, alpha_ratio=alpha_ratio)
 
-    def _down(
-        self,
-        holes: HolePair,
-        *,
-        speed: float | None = None,
-        angle_speed: float | None = None,
-        top: float = math.inf,
-        **to: float,
-    ) -> Move:
+    def _down(self, holes: HolePair, pace: Pace, *, top: float = math.inf, **to: float) -> Move:
         """Return a motion that heeds the tips of pins; arms that do not comply just go."""
-        move = self._move(speed=speed, angle_speed=angle_speed, **to)
         if self.config.compliance is None:
-            return move
+            return self._move(pace=pace, **to)
         return MoveDown(
-            to=move.to,
-            pace=move.pace,
+            to=to,
+            pace=pace,
             alpha_ratio=1.0,
             holes=holes,
             bottom=to[holes.coordinate],
@@ -237,33 +226,12 @@ class AssemblyProgram:
             timeout_s=self.config.timeout_s,
         )
 
-    def _settle(self, alpha_ratio: float | None = None) -> Wait:
-        """Stay until the grips are where they were sent and the noise has been averaged out."""
-        return self._wait(
-            quantity=State.grip_error,
-            below=1e-3,
-            otherwise="the grips are not where they were sent",
-            rest_cycles=MEAN_CYCLES,
-            alpha_ratio=alpha_ratio,
-        )
-
-    def _closed(self, below: float) -> Wait:
-        what = "the jaws have not come to rest"
-        return self._wait(quantity=State.jaw_travel, below=below, otherwise=what)
-
-    def _open(self, above: float) -> Wait:
-        return self._wait(quantity=State.jaw_gap, above=above, otherwise="the jaws have not opened")
-
 
 def middle_force(sheet: Sheet, path: BendingPath, height_m: float) -> float:
     """Return the force [N] that holds the bent sheet's middle this much above its place.
 
-    Twice the end force of half the sheet, its middle level between two rigid grips.
-
-    Raises
-    ------
-    InputError
-        No equilibrium of the sheet was found.
+    Twice the end force of half the sheet, its middle level between two rigid grips. InputError
+    where no equilibrium is found.
     """
     bend_rad = float(path.knots[-1])
     half, rise = path.at(bend_rad)

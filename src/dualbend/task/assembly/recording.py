@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -22,6 +22,7 @@ from dualbend.scene.bed.mjcf import laid_body
 from dualbend.scene.sheet.strips import strip_body
 from dualbend.task.assembly.config import assembly_of
 from dualbend.task.assembly.motions import PHASES
+from dualbend.task.assembly.state import MEAN_CYCLES
 from dualbend.types import Vector
 
 PHASE_COLOURS = {
@@ -48,13 +49,11 @@ _HOLE_COLOURS: tuple[Colour, ...] = (
     [171, 130, 255],
     [255, 235, 120],
 )
-_AXIS_COLOURS: tuple[Colour, ...] = (_RED, _GREEN, [70, 180, 255])
+_AXIS_COLOURS: tuple[Colour, ...] = (_RED, _GREEN, _HOLE_COLOURS[0])
 
 _SHEET_COLOURS = (0x546E7AFF, 0x78909CFF)
 
 _LAID_COLOUR, _DISC_COLOUR, _RIM_COLOUR = [150, 165, 185], [20, 20, 24], [255, 255, 255]
-_MEAN_CYCLES = 18
-"""Cycles over which the robots, too, average what they feel of the hanging sheet."""
 
 _DISC_M, _RIM_M = 8e-4, 1.5e-4
 """Thickness of a hole's disc and radius of the line round it: seen on both faces of the sheet."""
@@ -126,11 +125,41 @@ class AssemblyLayers(Layers):
 
     def log_series(self, log: RecordingLog, result: RunRecord) -> None:
         """Log what tells how the sheet goes over the pins."""
-        log_contact(log, result.trace)
+        trace = result.trace
+
+        def by_hole(entity: str, unit: str, of: Callable[[str], Vector]) -> None:
+            named = zip(HOLES, _HOLE_COLOURS, strict=True)
+            lines = ((f"{_words(h)} [{unit}]", of(h), colour, 1.5) for h, colour in named)
+            log.lines(entity, *lines)
+
+        by_hole("pin_force", "N", lambda hole: trace[f"pin_force_{hole}"])
+        axes = zip("xyz", contact_force(trace).T, _AXIS_COLOURS, strict=True)
+        log.broken_line("contact_force", *((f"{a} [N]", f, look, 1.5) for a, f, look in axes))
+        axes = zip("xyz", 1e3 * places(trace).T[:3], _AXIS_COLOURS, strict=True)
+        nominal = ((f"{a} nominal [mm]", place, look, 1.5) for a, place, look in axes)
+        log.lines("path", *nominal, every=FRAME_CYCLES)
+        log.lines(
+            "object_deviation",
+            ("x [mm]", 1e3 * trace["object_deviation_x"], _RED, 1.5),
+            ("y [mm]", 1e3 * trace["object_deviation_y"], _GREEN, 1.5),
+            ("yaw [deg]", np.degrees(trace["object_deviation_yaw"]), _HOLE_COLOURS[2], 1.5),
+        )
+        off = {h: np.hypot(trace[f"hole_{h}_x"], trace[f"hole_{h}_y"]) for h in HOLES}
+        by_hole("hole_offset", "mm", lambda hole: 1e3 * off[hole])
+        by_hole("hole_height", "mm", lambda hole: 1e3 * trace[f"hole_{hole}_z"])
 
     def log_lanes(self, log: RecordingLog, result: RunRecord) -> None:
         """Log which sheet of the stack is being laid, where there is more than one."""
-        log_sheet_lane(log, result)
+        stack, rows = assembly_of(result.scenario).sheets, result.trace.rows
+        if stack == 1 or not rows:
+            return
+        starts = np.concatenate(([0], supply_rows(result)))
+        names = [f"{i + 1} of {stack}" for i in range(len(starts))]
+        colours = np.resize(np.array(_SHEET_COLOURS, dtype=np.uint32), len(names))
+        log.once("sheet", rr.StateConfiguration(values=names, colors=colours))
+        end = np.array([round(1e9 * COMMAND_PERIOD_S * rows)], "timedelta64[ns]")
+        times = np.concatenate((log.times[starts], end))
+        log.send("sheet", times, rr.StateChange.columns(state=[*names, ""]))
 
     def log_grip(
         self, log: RecordingLog, result: RunRecord, motion: Motion, side: str, sign: float
@@ -204,27 +233,16 @@ class AssemblyLayers(Layers):
 
     def close_up(self, result: RunRecord, row: int) -> tuple[mujoco.MjvCamera, str] | None:
         """Return the view of the pin that a hole is just going over."""
-        phase = int(result.trace["phase"][row])
-        pin = _MIDDLE if phase <= PHASES.index("unfold") else _OUTER
-        return _pin_camera(
-            assembly_of(result.scenario).layout, pin
-        ), f"{HOLES[pin].replace('_', ' ')} pin"
+        pin = _MIDDLE if result.trace["phase"][row] <= PHASES.index("unfold") else _OUTER
+        camera, layout = mujoco.MjvCamera(), assembly_of(result.scenario).layout
+        height = layout.pins.height_m
+        camera.lookat[:] = [*hole_places(layout.holes)[pin], layout.bed.top_m + 0.5 * height]
+        # From the front and above, a few heights away.
+        camera.distance, camera.azimuth, camera.elevation = 7.0 * height, 75.0, -38.0
+        return camera, f"{_words(HOLES[pin])} pin"
 
 
 LAYERS = AssemblyLayers()
-
-
-def log_sheet_lane(log: RecordingLog, result: RunRecord) -> None:
-    """Log which sheet of the book is being laid, where there is more than one."""
-    book = assembly_of(result.scenario).sheets
-    if book > 1 and result.trace.rows:
-        starts = np.concatenate(([0], supply_rows(result)))
-        names = [f"{i + 1} of {book}" for i in range(len(starts))]
-        end = np.array([round(1e9 * COMMAND_PERIOD_S * result.trace.rows)], "timedelta64[ns]")
-        colours = np.array([_SHEET_COLOURS[i % 2] for i in range(len(names))], dtype=np.uint32)
-        log.once("sheet", rr.StateConfiguration(values=names, colors=colours))
-        times = np.concatenate((log.times[starts], end))
-        log.send("sheet", times, rr.StateChange.columns(state=[*names, ""]))
 
 
 def log_holes(log: RecordingLog, result: RunRecord, place: Vector, quaternion: Vector) -> None:
@@ -277,37 +295,6 @@ def places(trace: Trace) -> Vector:
     return np.stack([trace[f"place_{name}"] for name in ("x", "y", "z", "yaw")], axis=1)
 
 
-def log_contact(log: RecordingLog, trace: Trace) -> None:
-    """Log what tells how the sheet goes over the pins."""
-    labels = [hole.replace("_", " ") for hole in HOLES]
-    named = list(zip(HOLES, labels, _HOLE_COLOURS, strict=True))
-    log.lines(
-        "pin_force",
-        *((f"{text} [N]", trace[f"pin_force_{hole}"], colour, 1.5) for hole, text, colour in named),
-    )
-    axes = zip("xyz", contact_force(trace).T, _AXIS_COLOURS, strict=True)
-    log.broken_line("contact_force", *((f"{a} [N]", force, look, 1.5) for a, force, look in axes))
-    there = 1e3 * places(trace)
-    named_axes = zip("xyz", there.T[:3], _AXIS_COLOURS, strict=True)
-    log.lines(
-        "path",
-        *((f"{a} nominal [mm]", place, colour, 1.5) for a, place, colour in named_axes),
-        every=FRAME_CYCLES,
-    )
-    log.lines(
-        "object_deviation",
-        ("x [mm]", 1e3 * trace["object_deviation_x"], _RED, 1.5),
-        ("y [mm]", 1e3 * trace["object_deviation_y"], _GREEN, 1.5),
-        ("yaw [deg]", np.degrees(trace["object_deviation_yaw"]), [171, 130, 255], 1.5),
-    )
-    off = {h: 1e3 * np.hypot(trace[f"hole_{h}_x"], trace[f"hole_{h}_y"]) for h in HOLES}
-    log.lines("hole_offset", *((f"{t} [mm]", off[h], colour, 1.5) for h, t, colour in named))
-    log.lines(
-        "hole_height",
-        *((f"{t} [mm]", 1e3 * trace[f"hole_{h}_z"], colour, 1.5) for h, t, colour in named),
-    )
-
-
 def contact_force(trace: Trace) -> Vector:
     """Return the force of pins and bed on the sheet, as the arms feel it (rows, 3) [N].
 
@@ -321,7 +308,7 @@ def contact_force(trace: Trace) -> Vector:
     for number in np.unique(sheet[down & np.isfinite(sheet)]):
         free = np.flatnonzero((sheet == number) & (phase == PHASES.index("bend")))
         mine = down & (sheet == number)
-        force[mine] = net[mine] - net[free[-_MEAN_CYCLES:]].mean(axis=0)
+        force[mine] = net[mine] - net[free[-MEAN_CYCLES:]].mean(axis=0)
     return force
 
 
@@ -333,13 +320,8 @@ def supply_rows(result: RunRecord) -> NDArray[np.intp]:
     return 1 + np.flatnonzero(np.diff(result.trace["sheet"]) > 0.0)
 
 
-def _pin_camera(workplace: LayoutConfig, pin: int) -> mujoco.MjvCamera:
-    """Return the view of a pin's tip from the front and above, a few heights away."""
-    camera = mujoco.MjvCamera()
-    height = workplace.pins.height_m
-    camera.lookat[:] = [*hole_places(workplace.holes)[pin], workplace.bed.top_m + 0.5 * height]
-    camera.distance, camera.azimuth, camera.elevation = 7.0 * height, 75.0, -38.0
-    return camera
+def _words(hole: str) -> str:
+    return hole.replace("_", " ")
 
 
 def _close_ups(workplace: LayoutConfig) -> list[rrb.Spatial3DView]:
@@ -349,6 +331,6 @@ def _close_ups(workplace: LayoutConfig) -> list[rrb.Spatial3DView]:
         view("Bed", [0.0, -2.6 * half, top + 2.2 * half], [0.0, 0.2 * half, top], _UNCLUTTERED)
     ]
     for hole, (x, y) in zip(HOLES, hole_places(workplace.holes), strict=True):
-        name, at = f"Pin {hole.replace('_', ' ')}", [x, y, top + 0.004]
+        name, at = f"Pin {_words(hole)}", [x, y, top + 0.004]
         views.append(view(name, [x + 0.010, y - 0.032, top + 0.024], at, _UNCLUTTERED))
     return views

@@ -19,6 +19,8 @@ _TURN = np.linspace(0.0, 2.0 * np.pi, 73)
 _HOLES: list[tuple[str, str, Colour]] = [
     (hole, hole.replace("_", " "), colour) for hole, colour in zip(HOLES, COLOURS, strict=False)
 ]
+_OBJECT_COLOURS: tuple[Colour, ...] = ("blue", "orange", "purple")
+
 _SMALLEST_MM = 1e-4
 """Below this a distance is drawn as this: a logarithm has no zero."""
 
@@ -78,22 +80,16 @@ def _final(run: RunRecord, allowed_mm: float) -> list[Block]:
     holes = run.summary.tables.get("holes", [])
     if not holes:
         return ["The run left no final places of its holes."]
-    radius = 1e3 * allowed_mm
-    x, y = radius * np.cos(_TURN), radius * np.sin(_TURN)
+    x, y = 1e3 * allowed_mm * np.cos(_TURN), 1e3 * allowed_mm * np.sin(_TURN)
     curves = [Curve(name="half the clearance", x=x, y=y, colour="grey")]
     for hole, name, colour in _HOLES:
         of = [row for row in holes if row.get("hole") == hole]
-        x, y = (
-            np.array([1e6 * _float(row.get(f"offset_{axis}_m")) for row in of]) for axis in "xy"
+        x, y = 1e6 * np.array(
+            [[_float(row.get(f"offset_{axis}_m")) for row in of] for axis in "xy"]
         )
         curves.append(Curve(name=name, x=x, y=y, colour=colour, marker="circle_cross"))
-    drawn = Plot(
-        curves=curves,
-        x=Axis("along x", "µm"),
-        y=Axis("along y", "µm"),
-        true_to_scale=True,
-        height_px=420,
-    )
+    x_axis, y_axis = (Axis(f"along {axis}", "µm") for axis in "xy")
+    drawn = Plot(curves=curves, x=x_axis, y=y_axis, true_to_scale=True, height_px=420)
     seated = sum(bool(row.get("seated")) for row in holes)
     picture = Figure(
         drawn,
@@ -142,17 +138,15 @@ def object_section(over_time: OverTime) -> Section | None:
     """Return the deviation of the held sheet by its compliance; None where there is none."""
     if assembly_of(over_time.run.scenario).compliance is None:
         return None
-    looks: tuple[tuple[Axis, tuple[tuple[str, Colour], ...]], ...] = (
-        (Axis("deviation of place", "mm"), (("x", "blue"), ("y", "orange"))),
-        (Axis("deviation of turn", "mrad"), (("yaw", "purple"),)),
+    x, y, yaw = (
+        over_time.curve(f"object_deviation_{part}", part, colour, 1e3)
+        for part, colour in zip(("x", "y", "yaw"), _OBJECT_COLOURS, strict=True)
     )
     figures = [
         over_time.figure(
-            axis,
-            [over_time.curve(f"object_deviation_{part}", part, look, 1e3) for part, look in parts],
-            f"{axis.label.capitalize()} of the held sheet.",
+            Axis(f"deviation of {what}", unit), curves, f"Deviation of {what} of the held sheet."
         )
-        for axis, parts in looks
+        for what, unit, curves in (("place", "mm", [x, y]), ("turn", "mrad", [yaw]))
     ]
     return Section("Deviation by the held sheet's compliance", [Panels(figures)])
 

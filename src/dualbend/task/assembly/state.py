@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dualbend.run.outcome import TaskStopped
-from dualbend.task.assembly.motions import PHASES, Goal, Pace, Posture, Sensed, interpolate
+from dualbend.task.assembly.motions import PHASES, Posture, Sensed, interpolate
 from dualbend.types import Vector
 
 MEAN_CYCLES = 18
@@ -53,29 +53,12 @@ class State:
         """Number of sheets that have been laid."""
         return self.row // len(PHASES)
 
-    def goal(self, alpha_ratio: float | None) -> Goal:
-        """Return the goal of the cycle."""
-        return Goal(
-            phase=self.phase,
-            posture=self.posture,
-            alpha_ratio=alpha_ratio,
-            seeking=self.seeking,
-            attempt=self.attempt,
-        )
-
     def stopped(self, reason: str) -> TaskStopped:
         """Return the exception that ends the task in this phase."""
         return TaskStopped(f"{PHASES[self.phase]}: {reason}")
 
-    # -- motions ----------------------------------------------------------------------------
-
-    def set_out(self, end: Posture, pace: Pace) -> None:
-        """Begin a motion from the present posture."""
-        self.begin, self.end = self.posture, end
-        self.cycle, self.cycles = 0, pace.cycles(self.begin, end)
-
     def go_on(self) -> bool:
-        """Take the motion's next cycle; False where it has arrived."""
+        """Take the next cycle of the present motion; False where it has arrived."""
         if self.cycle == self.cycles:
             return False
         self.cycle += 1
@@ -103,11 +86,6 @@ class State:
         """Return the larger one of the two arms' shares in the support [N]."""
         assert self.free is not None
         return float((self.mean(cycles).vertical - self.free.vertical).max())
-
-    def carried(self) -> float:
-        """Return the weight that has been added to the empty grippers [N]."""
-        assert self.empty is not None
-        return float(self.empty.net[2] - self.mean().net[2])
 
     def grip_error(self) -> float:
         """Return the distance of the grips from where they were sent [m]."""

@@ -12,6 +12,7 @@ from typing import Literal
 
 from dualbend.task.assembly.motions import Pace
 from dualbend.task.assembly.state import MEAN_CYCLES, SUPPORT_CYCLES, State
+from dualbend.types import SIDES
 
 _PRESS_RATE_PER_S = 2.0
 """Rate at which the press on a sheet that is held up is corrected; the loop bears four times it."""
@@ -27,12 +28,11 @@ class Step:
 
     alpha_ratio: float | None = None
 
-    def enter(self, state: State) -> bool:
-        """Begin; False where no cycle is needed."""
-        raise NotImplementedError
-
     def advance(self, state: State) -> bool:
-        """Choose the next cycle's posture; False where the step is over."""
+        """Choose the next cycle's posture, the first one at ``state.cycle`` 0; False: it is over.
+
+        A step that is over in the first needs no cycle.
+        """
         raise NotImplementedError
 
 
@@ -47,19 +47,17 @@ class Move(Step):
     pace: Pace
     retry_only: bool = False
 
-    def enter(self, state: State) -> bool:
-        """Set out."""
-        if self.retry_only and state.attempt == 0:
-            return False
-        target = {
-            name: value[state.attempt] if isinstance(value, tuple) else value
-            for name, value in self.to.items()
-        }
-        state.set_out(replace(state.posture, **target), self.pace)
-        return True
-
     def advance(self, state: State) -> bool:
         """Go on until the motion's time is over."""
+        if state.cycle == 0:
+            if self.retry_only and state.attempt == 0:
+                return False
+            target = {
+                name: value[state.attempt] if isinstance(value, tuple) else value
+                for name, value in self.to.items()
+            }
+            state.begin, state.end = state.posture, replace(state.posture, **target)
+            state.cycles = self.pace.cycles(state.begin, state.end)
         return state.go_on()
 
 
@@ -79,10 +77,28 @@ class HolePair:
     touch_n: float
     missed_n: float
     softness: float
+    attempts: int
 
     def value(self, state: State) -> float:
         """Return the present value of the coordinate."""
         return float(getattr(state.posture, self.coordinate))
+
+    def missed(self, state: State) -> bool:
+        """Tell whether to try again; stop the task after the last attempt."""
+        support, short = self.support(state, MEAN_CYCLES), self.value(state) - self.target
+        if support < self.missed_n and short <= 0.0:
+            return False
+        if state.attempt + 1 < self.attempts:
+            return True
+        held = "the sheet" if self.name == "middle" else "an end"
+        reason = f"above {self.missed_n:.2f} N"
+        if support < self.missed_n:
+            left = f"{1e3 * short:.3g} mm" if self.coordinate == "z" else f"{short:.3g} rad"
+            reason = f"{left} short of its place"
+        raise state.stopped(
+            f"the {self.name} holes did not find their pins in {self.attempts} attempts: "
+            f"{held} is held up with {support:.2f} N, {reason}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,8 +106,8 @@ class MoveDown(Move):
     """Move until something holds the sheet up; give it time to find its pins, and go on.
 
     Meanwhile it is pressed lightly: the flank of a tip multiplies what presses on it. The step
-    ends with ``bottom`` not reached where the time for that is over; it is left out where the one
-    before has not come down to ``top``.
+    ends above its target where the time for that is over; it is left out where the one before has
+    not come down to ``top``.
     """
 
     holes: HolePair
@@ -99,34 +115,29 @@ class MoveDown(Move):
     top: float = math.inf
     timeout_s: float
 
-    def enter(self, state: State) -> bool:
-        """Set out, where the bottom is still below."""
-        state.pressed = 0
-        return self.bottom < self.holes.value(state) <= self.top and super().enter(state)
-
     def advance(self, state: State) -> bool:
         """Go on, press or end, by the force that holds the sheet up."""
-        support, touch = self.holes.support(state, SUPPORT_CYCLES), self.holes.touch_n
-        touched = state.seeking or (state.cycle > 0 and support > touch)
-        if not touched and state.go_on():
+        holes, value = self.holes, self.holes.value(state)
+        if state.cycle == 0:
+            return self.bottom < value <= self.top and super().advance(state)
+        support = holes.support(state, SUPPORT_CYCLES)
+        if not state.seeking and support <= holes.touch_n and state.go_on():
             return True
         state.seeking = False
-        if self.holes.value(state) <= self.bottom:
+        if value <= self.bottom:
             return False
-        if support <= 0.3 * touch:
-            return super().enter(state) and state.go_on()
+        if support <= 0.3 * holes.touch_n:
+            state.cycle = 0
+            return super().advance(state)
         if state.pressed * self.pace.period_s > self.timeout_s:
             return False
-        self._press(state, support - 0.8 * touch)
-        return True
-
-    def _press(self, state: State, excess_n: float) -> None:
-        """Move up or down a little, to reduce the excess of force."""
-        holes = self.holes
+        # Up or down a little, to reduce the excess of force.
+        excess_n = support - 0.8 * holes.touch_n
         back = _PRESS_RATE_PER_S * self.pace.period_s * holes.softness * excess_n
-        value = max(holes.value(state) + back, self.bottom)
-        state.posture = replace(state.posture, **{holes.coordinate: value})
+        pressed = {holes.coordinate: max(value + back, self.bottom)}
+        state.posture = replace(state.posture, **pressed)
         state.pressed, state.seeking = state.pressed + 1, True
+        return True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,18 +156,13 @@ class Wait(Step):
     period_s: float
     rest_cycles: int = 0
 
-    def enter(self, state: State) -> bool:
-        """Begin to count."""
-        state.cycle, state.cycles = 0, math.ceil(self.timeout_s / self.period_s)
-        return True
-
     def advance(self, state: State) -> bool:
         """Stay for another cycle, or stop the task."""
-        waited = state.cycle - self.rest_cycles
-        if waited >= min(MEAN_CYCLES, state.cycles):
+        waited, allowed = state.cycle - self.rest_cycles, math.ceil(self.timeout_s / self.period_s)
+        if waited >= min(MEAN_CYCLES, allowed):
             if self.above < self.quantity(state) < self.below:
                 return False
-            if waited == state.cycles:
+            if waited == allowed:
                 raise state.stopped(f"{self.otherwise} after {self.timeout_s:g} s")
         state.cycle += 1
         return True
@@ -168,7 +174,7 @@ class Measure(Step):
 
     name: Literal["empty", "free"]
 
-    def enter(self, state: State) -> bool:
+    def advance(self, state: State) -> bool:
         """Keep it."""
         setattr(state, self.name, state.mean())
         return False
@@ -180,9 +186,9 @@ class CheckGrasp(Step):
 
     thickness_m: float
 
-    def enter(self, state: State) -> bool:
+    def advance(self, state: State) -> bool:
         """Compare the gaps with half of the thickness."""
-        for side, gap in zip(("left", "right"), state.mean().gap, strict=True):
+        for side, gap in zip(SIDES, state.mean().gap, strict=True):
             if gap < 0.5 * self.thickness_m:
                 raise state.stopped(
                     f"nothing is between the {side} jaws: they closed to {1e3 * gap:.2f} mm, "
@@ -197,9 +203,10 @@ class CheckWeight(Step):
 
     weight_n: float
 
-    def enter(self, state: State) -> bool:
-        """Allow for half of the weight."""
-        carried = state.carried()
+    def advance(self, state: State) -> bool:
+        """Compare what has been added to the empty grippers; allow for half of the weight."""
+        assert state.empty is not None
+        carried = float(state.empty.net[2] - state.mean().net[2])
         if not 0.5 * self.weight_n < carried < 1.5 * self.weight_n:
             raise state.stopped(
                 f"the arms carry {carried:.2f} N, the sheet weighs {self.weight_n:.2f} N"
@@ -208,37 +215,9 @@ class CheckWeight(Step):
 
 
 @dataclass(frozen=True)
-class Retry:
-    """Tell whether holes are on their pins; where they are not, the phase before is tried again."""
-
-    holes: HolePair
-    attempts: int
-
-    def needed(self, state: State) -> bool:
-        """Say whether to try again; stop the task after the last attempt."""
-        holes = self.holes
-        support, short = holes.support(state, MEAN_CYCLES), holes.value(state) - holes.target
-        if support < holes.missed_n and short <= 0.0:
-            return False
-        if state.attempt + 1 < self.attempts:
-            return True
-        held = "the sheet" if holes.name == "middle" else "an end"
-        left = f"{1e3 * short:.3g} mm" if holes.coordinate == "z" else f"{short:.3g} rad"
-        raise state.stopped(
-            f"the {holes.name} holes did not find their pins in {self.attempts} attempts: "
-            f"{held} is held up with {support:.2f} N, "
-            + (
-                f"{left} short of its place"
-                if support < holes.missed_n
-                else f"above {holes.missed_n:.2f} N"
-            )
-        )
-
-
-@dataclass(frozen=True)
 class Phase:
-    """A phase of the program: its steps, and whether they and the phase before are repeated."""
+    """A phase of the program; where ``holes`` are not on their pins at its end, back by one."""
 
     name: str
     steps: Sequence[Step]
-    retry: Retry | None = None
+    holes: HolePair | None = None

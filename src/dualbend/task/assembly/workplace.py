@@ -7,7 +7,6 @@ from typing import Final
 
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
-from dualbend.scene.bed.config import BedConfig, StandConfig
 from dualbend.task.assembly.config import AssemblyConfig
 
 JAW_ROOM_M: Final = 0.015
@@ -26,16 +25,18 @@ def check_workplace(config: AssemblyConfig, sheet: Sheet) -> None:
 def _problems(config: AssemblyConfig, sheet: Sheet) -> Iterator[str]:
     layout = config.layout
     bed, stand, pins = layout.bed, layout.stand, layout.pins
-    yield from _collides("layout.bed", bed, sheet)
-    yield from _collides("layout.stand", stand, sheet)
+    longest = 0.5 * sheet.length_m - JAW_ROOM_M
+    for block_name, block in (("bed", bed), ("stand", stand)):
+        if block.half_length_m > longest:
+            yield (
+                f"layout.{block_name}.half_length_m = {block.half_length_m:g}: the grippers at the "
+                f"sheet's ends would touch it; at most {longest:g}"
+            )
+    radius = 0.5 * pins.diameter_m
     for name, pair in (("middle", layout.holes.middle), ("outer", layout.holes.outer)):
-        radius = 0.5 * pins.diameter_m
-        for key, value, half in (
-            ("along_m", pair.along_m, bed.half_length_m),
-            ("across_m", abs(pair.across_m), bed.half_width_m),
-        ):
-            if value + radius > half:
-                side = "half_length_m" if key == "along_m" else "half_width_m"
+        for key, side in (("along_m", "half_length_m"), ("across_m", "half_width_m")):
+            half = getattr(bed, side)
+            if abs(getattr(pair, key)) + radius > half:
                 yield (
                     f"layout.holes.{name}.{key} = {getattr(pair, key):g}: its pins would not stand "
                     f"on the bed; at most {half - radius:g}, or a larger layout.bed.{side}"
@@ -58,13 +59,4 @@ def _problems(config: AssemblyConfig, sheet: Sheet) -> Iterator[str]:
         yield (
             f"lift_m = {config.lift_m:g}: the sheet would be carried into the pins; "
             f"at least {least:g}"
-        )
-
-
-def _collides(name: str, block: BedConfig | StandConfig, sheet: Sheet) -> Iterator[str]:
-    longest = 0.5 * sheet.length_m - JAW_ROOM_M
-    if block.half_length_m > longest:
-        yield (
-            f"{name}.half_length_m = {block.half_length_m:g}: the grippers at the sheet's ends "
-            f"would touch it; at most {longest:g}"
         )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import msgspec
 import numpy as np
 
 from dualbend.errors import InputError
@@ -20,8 +21,6 @@ from dualbend.types import Config, Vector, said
 
 SHORTEST_SETTLE_S = 0.25
 """The errors come in while the arms settle: faster, the sheet would be struck."""
-
-_ORDER = ("lateral_m", "roll_rad", "yaw_rad")
 
 
 class GripError(Config):
@@ -42,9 +41,7 @@ class MisalignmentConfig(Config):
 
     def errors(self) -> Vector:
         """Return (2, 3): lateral [m], roll and yaw [rad] of the left and the right grip."""
-        return np.array(
-            [[getattr(side, name) for name in _ORDER] for side in (self.left, self.right)]
-        )
+        return np.array([msgspec.structs.astuple(side) for side in (self.left, self.right)])
 
 
 class BendingConfig(TaskConfig, tag="bending"):

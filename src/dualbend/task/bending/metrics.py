@@ -42,26 +42,29 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
     Moments and forces are true ones, of the sheet on the sensing arm about its gripper centre,
     during bending.
     """
-    rows = bending_rows(result)
-    moment = sensing_column(result, "true_moment_y")[rows]
-    force = np.hypot(
-        sensing_column(result, "true_force_x")[rows], sensing_column(result, "true_force_z")[rows]
-    )
+    signals, scenario = peaks(result), result.scenario
+    moment = sensing_column(result, "true_moment_y")[bending_rows(result)]
     oscillation, frequency, growth = oscillation_of(moment)
-    plastic = permanent_set(result) if result.scenario.sheet.plastic else {}
+
+    def largest(name: str, unit: str) -> Metric:
+        return Metric(peak(signals[name]), unit)
+
     return {
-        **plastic,
-        "peak_moment": Metric(peak(moment), "N m"),
+        **(permanent_set(result) if scenario.sheet.plastic else {}),
+        "peak_moment": largest("peak_moment", "N m"),
         "rms_moment": Metric(finite(np.sqrt(np.mean(moment**2))) if moment.size else None, "N m"),
         "peak_moment_by_piece": Metric([finite(p) for p in peak_by_piece(result)], "N m"),
-        "peak_force": Metric(peak(force), "N"),
-        **_out_of_plane(result),
+        "peak_force": largest("peak_force", "N"),
+        **{
+            name: largest(name, "N" if "force" in name else "N m")
+            for name in out_of_plane_columns(scenario)
+        },
         "oscillation": Metric(oscillation, "N m"),
         "oscillation_frequency": Metric(frequency, "Hz"),
         "oscillation_growth": Metric(growth, "1/s"),
-        "peak_deviation_x": Metric(peak(sensing_column(result, "deviation_x")), "m"),
-        "peak_deviation_alpha": Metric(peak(sensing_column(result, "deviation_alpha")), "rad"),
-        "peak_surface_strain": Metric(peak(surface_strain(result)), "1"),
+        "peak_deviation_x": largest("peak_deviation_x", "m"),
+        "peak_deviation_alpha": largest("peak_deviation_alpha", "rad"),
+        "peak_surface_strain": largest("peak_surface_strain", "1"),
         **common_metrics(result),
     }
 
@@ -75,18 +78,9 @@ def out_of_plane_columns(scenario: Scenario) -> dict[str, str]:
     return {} if misalignment_of(scenario) is None else _OUT_OF_PLANE
 
 
-def _out_of_plane(result: RunRecord) -> dict[str, Metric]:
-    rows = bending_rows(result)
-    return {
-        name: Metric(peak(sensing_column(result, column)[rows]), "N" if "force" in name else "N m")
-        for name, column in out_of_plane_columns(result.scenario).items()
-    }
-
-
 def permanent_set(result: RunRecord) -> dict[str, Metric]:
     """Return what a sheet that yields keeps at the end of the run, were it let go."""
-    kept = permanent_curvature(result)
-    sheet = result.scenario.sheet
+    kept, sheet = permanent_curvature(result), result.scenario.sheet
     if not kept.size:
         return {name: Metric(None, unit) for name, unit in _SET_UNITS.items()}
     last = np.abs(kept[-1])
@@ -101,24 +95,25 @@ def permanent_set(result: RunRecord) -> dict[str, Metric]:
 
 def peaks(result: RunRecord) -> dict[str, Vector]:
     """Return the signal (rows,) whose largest value each metric of a bending run is."""
-    trace, rows = result.trace, bending_rows(result)
+    rows = bending_rows(result)
+
+    def size(column: str) -> Vector:
+        return np.abs(sensing_column(result, column))
 
     def bending(values: Vector) -> Vector:
         return np.where(rows, values, np.nan)
 
-    moment = bending(np.abs(sensing_column(result, "true_moment_y")))
-    force = np.hypot(sensing_column(result, "true_force_x"), sensing_column(result, "true_force_z"))
-    side = result.sensing_side
+    moment = bending(size("true_moment_y"))
     return {
         "peak_moment": moment,
         "peak_moment_by_piece": moment,
-        "peak_force": bending(force),
+        "peak_force": bending(np.hypot(size("true_force_x"), size("true_force_z"))),
         **{
-            name: bending(np.abs(sensing_column(result, column)))
+            name: bending(size(column))
             for name, column in out_of_plane_columns(result.scenario).items()
         },
-        "peak_deviation_x": np.abs(trace[f"{side}_deviation_x"]),
-        "peak_deviation_alpha": np.abs(trace[f"{side}_deviation_alpha"]),
+        "peak_deviation_x": size("deviation_x"),
+        "peak_deviation_alpha": size("deviation_alpha"),
         "peak_surface_strain": surface_strain(result),
         **common_peaks(result),
     }
