@@ -17,7 +17,7 @@ from dualbend.study.sweep.design import Design, make_design
 from dualbend.study.sweep.file import Sweep, load_sweep
 from dualbend.study.sweep.progress import Progress, duration
 from dualbend.study.sweep.report import SENSITIVITY, report_lines, write_report
-from dualbend.study.sweep.row import RunRow
+from dualbend.study.sweep.run import RunRow
 from dualbend.study.sweep.sensitivity import sensitivities
 from dualbend.study.sweep.table import TABLE, make_table, numbers, shown_metrics, unit_of
 from support.stand_in import a_sweeps_run

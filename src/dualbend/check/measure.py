@@ -104,7 +104,6 @@ def measure_all(
         task=lambda source: (source,),
         run_one=measure,
         key=lambda measured: measured.source,
-        summarise=list,
     )
 
     def tell(_: int, __: int, measured: Measured | None) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
@@ -68,7 +67,6 @@ def robustness(
 
     loaded = load_scenario(scenario, settings)
     folder = out if out is not None else Path("runs") / f"{loaded.name}-robustness"
-    processes = workers if workers is not None else os.cpu_count() or 1
     done, interrupted = 0, False
     with click.progressbar(
         length=0, label=loaded.name, file=sys.stderr, hidden=not sys.stderr.isatty()
@@ -81,7 +79,7 @@ def robustness(
             done = count
 
         try:
-            trials = run_study(loaded, folder, runs=runs, seed=seed, workers=processes, on_run=show)
+            trials = run_study(loaded, folder, runs=runs, seed=seed, workers=workers, on_run=show)
         except KeyboardInterrupt:
             interrupted = True
     if interrupted:

@@ -55,14 +55,14 @@ def make_figures(
         task=lambda name: (name, tuple(settings), folders[name]),
         run_one=_run,
         key=str,
-        summarise=lambda names: [load_run(folders[name]) for name in names],
     )
 
     def tell(_: int, __: int, name: str | None) -> None:
         if name is not None:
             on_done(load_run(folders[name]))
 
-    runs = study.run(in_processes(PROCESSES), on_run=tell)
+    names = study.run(in_processes(PROCESSES), on_run=tell)
+    runs = [load_run(folders[name]) for name in names]
     write_pictures(runs, out)
     write_report(list(folders.values()), out / "report.html")
     return runs

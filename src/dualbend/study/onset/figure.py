@@ -71,7 +71,6 @@ def _draw(
     panel.plot([], [], color=colour, label=f"{alpha:g} rad")
     for case in cases:
         panel.plot(case.simulated.b, case.ratio_per_s * case.simulated.b, "o", color=colour)
-        if case.frictionless is not None:
-            free = case.frictionless.b
-            at = (free, case.ratio_per_s * free)
-            panel.plot(*at, "o", color=colour, fillstyle="none", markersize=9)
+        free = case.frictionless.b
+        at = (free, case.ratio_per_s * free)
+        panel.plot(*at, "o", color=colour, fillstyle="none", markersize=9)

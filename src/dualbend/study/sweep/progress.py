@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import TextIO
 
-from dualbend.study.sweep.row import RunRow
+from dualbend.study.sweep.run import RunRow
 
 _EVERY_S = 30.0
 """Where there is no terminal, a line this often: a log is not to be flooded."""

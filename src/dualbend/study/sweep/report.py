@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
-from dualbend.study.sweep.row import RunRow
+from dualbend.study.sweep.run import RunRow
 from dualbend.study.sweep.sensitivity import CONFIDENCE, Sensitivity, sensitivities
 from dualbend.study.sweep.table import make_table, numbers, shown_metrics, unit_of, write_table
 from dualbend.table import Columns, Table, quantity

@@ -18,7 +18,7 @@ from dualbend.run.record import Metric
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
 from dualbend.study.sweep.keys import known_keys
-from dualbend.study.sweep.row import RunRow
+from dualbend.study.sweep.run import RunRow
 
 TABLE = "table.parquet"
 KEY, METRIC = "key", "metric"
