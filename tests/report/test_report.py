@@ -224,8 +224,8 @@ def test_matplotlib_draws_what_the_page_shows(top: Path, name: str) -> None:
         assert len(axes.patches) == len(shown.bars) + len(shown.bands) + len(shown.areas)
         assert axes.get_xlabel() == f"{shown.x.label} [{shown.x.unit}]"
         assert (axes.get_xscale(), axes.get_title("left")) == (shown.x.scale, shown.title)
-        if shown.ranges.x is not None:
-            assert axes.get_xlim() == (shown.ranges.x.low, shown.ranges.x.high)
+        if shown.x.range is not None:
+            assert axes.get_xlim() == (shown.x.range.low, shown.x.range.high)
 
 
 def test_runs_beside_each_other_have_one_scale(top: Path) -> None:

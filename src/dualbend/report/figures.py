@@ -68,10 +68,9 @@ def draw(axes: Axes, shown: Plot, palette: Mapping[Colour, Any] = PALETTE) -> No
         axes.set_yscale(shown.y.scale)
     axes.margins(x=0.01)
     axes.set_title(shown.title, loc="left")
-    if shown.ranges.x is not None:
-        axes.set_xlim(shown.ranges.x.low, shown.ranges.x.high)
-    if shown.ranges.y is not None:
-        axes.set_ylim(shown.ranges.y.low, shown.ranges.y.high)
+    for axis, limit in ((shown.x, axes.set_xlim), (shown.y, axes.set_ylim)):
+        if axis.range is not None:
+            limit(axis.range.low, axis.range.high)
     if shown.true_to_scale:
         axes.set_aspect("equal", adjustable="datalim")
 

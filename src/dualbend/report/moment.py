@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dualbend.beam.rod import planar as rod
 from dualbend.evaluation.recorded_rod import recorded_rods
 from dualbend.evaluation.sheet import no_oracle
-from dualbend.report.plot import Axis, Colour, Curve, Plot, Ranges
+from dualbend.report.plot import Axis, Colour, Curve, Plot
 from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
 
@@ -110,19 +110,11 @@ def moment_plot(
     knots: Sequence[float],
     *,
     axes: tuple[Axis, Axis] = (ANGLE, MOMENT),
-    ranges: Ranges | None = None,
     title: str = "",
 ) -> Plot:
     """Return the paper's figure: moment over bending angle, with the path's knots."""
-    return Plot(
-        curves=curves,
-        x=axes[0],
-        y=axes[1],
-        ranges=ranges or Ranges(),
-        knots=knots,
-        levels=[0.0],
-        title=title,
-    )
+    x, y = axes
+    return Plot(curves=curves, x=x, y=y, knots=knots, levels=[0.0], title=title)
 
 
 def describe_peak(curve: Curve) -> str:

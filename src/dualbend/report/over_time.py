@@ -9,12 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.report.plot import LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot, Range, Ranges, common
+from dualbend.report.plot import LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot, common
 from dualbend.report.section import Figure
 from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
-
-TIME = Axis("time", "s")
 
 _COLOURS: dict[str, tuple[Colour, Colour]] = {
     "left": ("blue", "orange"),
@@ -40,9 +38,9 @@ class OverTime:
     run: RunRecord
 
     @cached_property
-    def range(self) -> Range:
-        """The range of time that all of them show."""
-        return common([self.run["time"]], margin=0.01)
+    def axis(self) -> Axis:
+        """Time, of a range that all of them show."""
+        return Axis("time", "s", range=common([self.run["time"]], margin=0.01))
 
     @cached_property
     def phases(self) -> list[Phase]:
@@ -83,9 +81,7 @@ class OverTime:
     ) -> Figure:
         """Return curves over time, every second phase shaded; ``alt``: each curve's span."""
         bands = [(phase.start_s, phase.end_s) for phase in self.phases[::2]]
-        plot = Plot(
-            curves=curves, x=TIME, y=axis, ranges=Ranges(x=self.range), bands=bands, levels=levels
-        )
+        plot = Plot(curves=curves, x=self.axis, y=axis, bands=bands, levels=levels)
         spans = "; ".join(f"{c.name}: {_span(c.y)} {axis.unit}" for c in curves)
         return Figure(plot, caption, alt or f"{axis.label} over time. {spans}")
 

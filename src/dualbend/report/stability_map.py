@@ -8,7 +8,7 @@ from typing import Any
 import contourpy
 import numpy as np
 
-from dualbend.report.plot import COLOURS, Axis, Curve, Plot, Range, Ranges, Ring
+from dualbend.report.plot import COLOURS, Axis, Curve, Plot, Range, Ring
 from dualbend.stability.map import Panel
 from dualbend.types import Vector
 
@@ -32,12 +32,11 @@ def stability_panel(panel: Panel, *, stiffness: bool = False) -> Plot:
         curves.append(Curve(name="", x=paper[0], y=paper[1], colour=colour, dash="dashed"))
     gains = [np.array([gain]) for gain in panel.gains]
     curves.append(Curve(name="gains set", x=gains[0], y=gains[1], colour="red", marker="star"))
-    limits = [Range(low=float(v[0]), high=float(v[-1])) for v in (panel.b, panel.k)]
+    shown = [Range(low=float(v[0]), high=float(v[-1])) for v in (panel.b, panel.k)]
     return Plot(
-        x=Axis("damping b", panel.units[0], scale="log"),
-        y=Axis("stiffness k", panel.units[1], scale="log"),
+        x=Axis("damping b", panel.units[0], "log", shown[0]),
+        y=Axis("stiffness k", panel.units[1], "log", shown[1]),
         curves=curves,
-        ranges=Ranges(x=limits[0], y=limits[1]),
         areas=_unstable(b, k, np.minimum.reduce(list(panel.sampled.values()))),
         title=f"{panel.axis} alone",
     )

@@ -74,11 +74,14 @@ def plot_sensitivity(
     panels = figure.subplots(len(drawn), 1, squeeze=False, sharex=True)[:, 0]
     at = np.arange(len(design.names))[::-1]
     for axes, one in zip(panels, drawn, strict=True):
-        for label, value, ends, side, colour in (
-            ("first: the key alone", one.first, one.first_interval, 0.18, "tab:blue"),
-            ("total: with the others", one.total, one.total_interval, -0.18, "tab:orange"),
+        for k, (label, side, colour) in enumerate(
+            (
+                ("first: the key alone", 0.18, "tab:blue"),
+                ("total: with the others", -0.18, "tab:orange"),
+            )
         ):
-            spread = np.maximum(np.abs(ends - value), 0.0)
+            value = one.indices[k]
+            spread = np.abs(one.ends[:, k] - value)
             axes.barh(at + side, value, 0.34, color=colour, label=label)
             axes.errorbar(value, at + side, xerr=spread, fmt="none", ecolor="0.2", capsize=3)
         axes.set_yticks(at, design.names)
