@@ -50,6 +50,11 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
         return self.verdict in {"worse", "better", "changed"}
 
     @property
+    def skipped(self) -> bool:
+        """The value is gated by nothing."""
+        return self.verdict in {"new", "not gated"}
+
+    @property
     def change(self) -> float | None:
         """The relative change; None where the old value is 0 or one is no number."""
         if isinstance(self.old, float) and isinstance(self.new, float) and self.old:

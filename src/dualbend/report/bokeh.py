@@ -64,10 +64,7 @@ def _packed(values: Vector) -> str:
 def library() -> str:
     """Return Bokeh's own scripts, from its installed package: they ask nothing of any host.
 
-    Raises
-    ------
-    DualbendError
-        Bokeh is not installed as it should be.
+    Raises DualbendError where Bokeh is not installed as it should be.
     """
     # Found, not imported: its Python side is not needed, and takes a second.
     spec = importlib.util.find_spec("bokeh")

@@ -94,10 +94,7 @@ def write_comparison(
 ) -> None:
     """Write ``compare.txt``, ``compare.png`` and, with ``record``, ``compare.rrd``.
 
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
+    Raises InputError where the folder cannot be written to.
     """
     from dualbend.report.figures import plot_compared_moments  # noqa: PLC0415
 

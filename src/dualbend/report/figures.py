@@ -112,10 +112,7 @@ def plot_compared_moments(
 ) -> None:
     """Write the moments at the sensing grippers during bending as PNG: true, and thin, filtered.
 
-    Raises
-    ------
-    OSError
-        ``path`` cannot be written.
+    Raises OSError where ``path`` cannot be written.
     """
     looks = zip(runs, labels, COLOURS, LEFT_RIGHT_WIDTHS, strict=False)
     curves = [curve for look in looks for curve in _filtered_and_true(*look)]

@@ -48,10 +48,7 @@ _POLICY = (
 def write_report(folders: Sequence[Path], out: Path) -> None:
     """Write the report of the runs in ``folders``.
 
-    Raises
-    ------
-    InputError
-        A folder is no run that can be read, or ``out`` cannot be written.
+    Raises InputError where a folder is no run that can be read, or ``out`` cannot be written.
     """
     runs = [load_run(folder, unfinished=True) for folder in folders]
     text = report(runs)

@@ -77,14 +77,9 @@ class Study(Generic[Key, *Arguments, Row]):
         ``on_run`` is called with the number of runs that are done, that of all, and the last row:
         None at the start.
 
-        Raises
-        ------
-        InputError
-            The folder is another study's, is in use or cannot be used.
-        WorkerDiedError
-            A run is lost and there is no row for that.
-        KeyboardInterrupt
-            Interrupted; what was done is in the folder, and the same call goes on.
+        Raises InputError where the folder is another study's, is in use or cannot be used;
+        WorkerDiedError where a run is lost and there is no row for that; KeyboardInterrupt where it
+        is interrupted: what was done is in the folder, and the same call goes on.
         """
         kept: AbstractContextManager[tuple[list[Row], Callable[[Row], None]]]
         kept = nullcontext(([], lambda _: None)) if folder is None else folder.opened()

@@ -35,15 +35,10 @@ def make_figures(
 ) -> list[RunRecord]:
     """Run the three scenarios into ``out`` and write pictures and page; return the runs.
 
-    ``settings``: what is set otherwise in all three, as ``--set`` has it.
-
-    ``out`` gets a folder for each run, ``fig6``, ``fig8``, ``fig9`` and ``figures`` as PNG and
-    SVG, and ``report.html``. ``on_done`` is called with each run as it is done.
-
-    Raises
-    ------
-    InputError
-        ``out`` cannot be written to, or a process died.
+    ``settings``: what is set otherwise in all three, as ``--set`` has it. ``out`` gets a folder for
+    each run, ``fig6``, ``fig8``, ``fig9`` and ``figures`` as PNG and SVG, and ``report.html``.
+    ``on_done`` is called with each run as it is done. Raises InputError where ``out`` cannot be
+    written to, or a process died.
     """
     folders = {name: out / name for name in PAPER_FIGURES}
     for folder in folders.values():
@@ -84,10 +79,7 @@ def _run(name: str, settings: Sequence[str], folder: Path) -> str:
 def write_pictures(runs: Sequence[RunRecord], out: Path) -> None:
     """Write each run's figure and all beside each other, on one scale, as PNG and SVG.
 
-    Raises
-    ------
-    InputError
-        A file cannot be written.
+    Raises InputError where a file cannot be written.
     """
     mpl.rcParams["svg.hashsalt"] = "dualbend"  # the same file from the same run
     plots = [_plot(run) for run in runs]

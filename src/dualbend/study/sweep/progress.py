@@ -17,12 +17,7 @@ _EVERY_S = 30.0
 class Progress:
     """Writes one line that changes on a terminal, or a line now and then into a log.
 
-    Parameters
-    ----------
-    stream
-        Where to; standard error if not given.
-    clock
-        Seconds that never run backwards.
+    ``stream``: where to, standard error if None; ``clock``: seconds that never run backwards.
     """
 
     def __init__(
