@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from dualbend.check.tolerances import Tolerance
-from dualbend.errors import InputError
+from dualbend.errors import InputError, writing
 
 DEFAULT_FILE = Path("baseline.json")
 
@@ -89,11 +89,9 @@ def write_baseline(baseline: Baseline, path: Path) -> None:
     """
     text = _text(msgspec.to_builtins(baseline))
     part = path.with_name(f"{path.name}.part")
-    try:
+    with writing(path):
         part.write_text(text + "\n", encoding="utf-8")
         part.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def _text(value: object, depth: int = 0) -> str:

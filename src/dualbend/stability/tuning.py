@@ -16,7 +16,7 @@ from dualbend.control.compliance.admittance import AxisConfig, ModelAdmittanceCo
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
-from dualbend.errors import InputError
+from dualbend.errors import InputError, writing
 from dualbend.evaluation.metrics import peak_by_piece
 from dualbend.run.known_sheet import make_admittance
 from dualbend.scenario.scenario import Scenario
@@ -252,10 +252,8 @@ def write_scenario(tuning: Tuning, base: str, path: Path) -> None:
         "description": f"{base} with gains found by dualbend tune",
         "compliance": _given(msgspec.to_builtins(tuning.found.compliance)),
     }
-    try:
+    with writing(path, "--out"):
         path.write_text(tomli_w.dumps(table), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--out {path}: cannot be written: {error.strerror}") from error
 
 
 def _given(table: dict[str, Any]) -> dict[str, Any]:
