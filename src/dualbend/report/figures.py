@@ -38,6 +38,20 @@ _WIDTH = 0.85
 _MARKERS = {None: "", "star": "*", "circle_dot": "o", "circle_cross": "o"}
 
 
+def save(
+    figure: Figure,
+    path: Path,
+    option: str = "",
+    **options: Any,  # noqa: ANN401 - matplotlib's own
+) -> None:
+    """Write a picture; InputError, which names the ``option`` that gave the path, where that fails.
+
+    A figure that is made without pyplot needs no display and no choice of a backend.
+    """
+    with writing(path, option, also=ValueError):
+        figure.savefig(path, dpi=_DPI, **options)
+
+
 def draw(axes: Axes, shown: Plot, palette: Mapping[Colour, Any] = PALETTE) -> None:
     """Draw a plot as it is described; its legend is the caller's."""
     for left, right in shown.bands:
@@ -63,7 +77,7 @@ def draw(axes: Axes, shown: Plot, palette: Mapping[Colour, Any] = PALETTE) -> No
         axes.axvline(knot, color="0.85", linewidth=0.8, zorder=0)
     for level in shown.levels:
         axes.axhline(level, color="0.5", linewidth=0.8, zorder=0)
-    axes.set(xscale=shown.x.scale, xlabel=_label(shown.x), ylabel=_label(shown.y))
+    axes.set(xscale=shown.x.scale, xlabel=shown.x.text, ylabel=shown.y.text)
     if not shown.bars:
         axes.set_yscale(shown.y.scale)
     axes.margins(x=0.01)
@@ -73,10 +87,6 @@ def draw(axes: Axes, shown: Plot, palette: Mapping[Colour, Any] = PALETTE) -> No
             limit(axis.range.low, axis.range.high)
     if shown.true_to_scale:
         axes.set_aspect("equal", adjustable="datalim")
-
-
-def _label(axis: Axis) -> str:
-    return f"{axis.label} [{axis.unit}]" if axis.unit not in {"", "1"} else axis.label
 
 
 def _picture(shown: Plot) -> tuple[Figure, Axes]:
@@ -151,5 +161,4 @@ def plot_stability_map(panels: Sequence[Panel], title: str, path: Path) -> None:
         axes.plot([], [], color="0.3", linestyle="dashed", label="paper (23)")
         axes.legend(fontsize="small", loc="upper left")
     figure.suptitle(f"{title}; shaded: unstable")
-    with writing(path, "--map", also=ValueError):
-        figure.savefig(path, dpi=_DPI)
+    save(figure, path, "--map")

@@ -49,6 +49,11 @@ class Axis:
     scale: Literal["linear", "log"] = "linear"
     range: Range | None = None
 
+    @property
+    def text(self) -> str:
+        """The label, with the unit in brackets where there is one."""
+        return f"{self.label} [{self.unit}]" if self.unit not in {"", "1"} else self.label
+
 
 @dataclass(frozen=True, kw_only=True)
 class Bar:

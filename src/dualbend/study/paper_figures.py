@@ -9,7 +9,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from dualbend.errors import writing
-from dualbend.report.figures import ANGLE, draw
+from dualbend.report.figures import ANGLE, draw, save
 from dualbend.report.moment import knots_of, moment_curves, moment_plot
 from dualbend.report.page import PAPER_FIGURES, write_report
 from dualbend.report.plot import Axis, Plot
@@ -19,7 +19,6 @@ from dualbend.run.record import RunRecord
 from dualbend.run.saved import load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.study.engine import Study
-from dualbend.study.picture import save
 from dualbend.study.processes import in_processes
 
 PROCESSES = 2

@@ -11,7 +11,8 @@ import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dualbend.study.picture import save
+from dualbend.report.figures import save
+from dualbend.report.plot import Axis
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
 from dualbend.study.sweep.sensitivity import CONFIDENCE, Sensitivity
@@ -48,8 +49,8 @@ def plot_heat_map(sweep: Sweep, design: Design, table: pa.Table, metric: str, pa
         every = -(-shape[i] // _MOST_TICKS)
         ticks = range(0, shape[i], every)
         axis.set_ticks(list(ticks), [_short(design, i, levels[i][k]) for k in ticks])
-        axis.set_label_text(_with_unit(name, key_unit(name)))
-    figure.colorbar(drawn, ax=axes, label=_with_unit(metric, unit_of(table, metric)))
+        axis.set_label_text(Axis(name, key_unit(name)).text)
+    figure.colorbar(drawn, ax=axes, label=Axis(metric, unit_of(table, metric)).text)
     crossed = "; ×: did not complete" if x.size else ""
     axes.set_title(f"{sweep.name}: {metric}{crossed}", loc="left", fontsize="medium")
     save(figure, path)
@@ -104,7 +105,3 @@ def _short(design: Design, i: int, text: str) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:.4g}"
     return text if len(text) < 20 else f"{text[:18]}…"
-
-
-def _with_unit(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit not in {"", "1"} else name
