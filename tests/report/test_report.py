@@ -146,7 +146,7 @@ def test_settings_tell_what_differs_from_the_defaults() -> None:
         "1",
     )
     assert not found["sensor.latency_ms"].changed
-    assert found["sheet.length_m"].default == "required"
+    assert found["sheet.length_m"].default is None  # it is required
     # Units that another key chooses.
     assert found["compliance.x.k"].unit == "N/mm"
     assert found["compliance.rotation.b"].unit == "N m s/deg"

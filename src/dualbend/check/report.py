@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from dualbend.check.verdict import Finding, Verdicts
 from dualbend.errors import writing
-from dualbend.table import Column, Table, escaped, shown
+from dualbend.table import Column, Table, escaped, percent, shown
 
 _HEADINGS = ("scenario", "metric", "old", "new", "unit", "change", "allowed", "verdict")
 
@@ -35,7 +35,7 @@ def sentence(finding: Finding) -> str:
     unit = f" {finding.unit}" if finding.unit not in {"", "1"} else ""
     parts = [f"{finding.scenario}: {finding.metric} {finding.verdict}: {old} → {new}{unit}"]
     if finding.change is not None:
-        parts.append(f" ({_change(finding)}, allowed {finding.allowed})")
+        parts.append(f" ({percent(finding.change)}, allowed {finding.allowed})")
     elif finding.allowed:
         parts.append(f" (allowed {finding.allowed})")
     parts.append(f" {finding.place}" if finding.place else "")
@@ -136,14 +136,10 @@ def _cells(finding: Finding) -> tuple[float | str | None, ...]:
         finding.old,
         finding.new,
         finding.unit,
-        _change(finding),
+        percent(finding.change),
         finding.allowed,
         finding.verdict if not finding.failed else finding.verdict.upper(),
     )
-
-
-def _change(finding: Finding) -> str:
-    return "" if finding.change is None else f"{100 * finding.change:+.3g} %"
 
 
 def _write(path: Path, option: str, text: str) -> None:

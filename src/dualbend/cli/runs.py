@@ -298,14 +298,10 @@ def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
 
     Both use the same model and run alternately in one process.
     """
-    import msgspec
-
     from dualbend.scenario.load import load_scenario
     from dualbend.study.benchmark import benchmark as measure
 
-    for name, value in msgspec.to_builtins(
-        measure(load_scenario(scenario, settings), repeat)
-    ).items():
+    for name, value in measure(load_scenario(scenario, settings), repeat).items():
         click.echo(
             f"{name:<24}{value:>10.4g}" if isinstance(value, float) else f"{name:<24}{value:>10}"
         )

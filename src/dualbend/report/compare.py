@@ -10,7 +10,7 @@ import msgspec
 from dualbend.errors import writing
 from dualbend.evaluation.metrics import side_by_side
 from dualbend.run.record import RunRecord
-from dualbend.table import Column, Columns, Table
+from dualbend.table import Column, Columns, Table, percent, relative_change
 
 
 class Compared(msgspec.Struct, frozen=True, kw_only=True):
@@ -24,9 +24,7 @@ class Compared(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def change(self) -> float | None:
         """(b − a) / |a|; None where a is 0 or one is none."""
-        if self.a is None or self.b is None or self.a == 0.0:
-            return None
-        return (self.b - self.a) / abs(self.a)
+        return relative_change(self.a, self.b)
 
 
 Differing = dict[str, tuple[str, str]]
@@ -79,7 +77,7 @@ def report_text(found: Comparison) -> str:
     a, b = (Column(label, format=".5g") for label in found.labels)
     columns: Columns = ["", a, b, "change", "unit"]
     rows: list[tuple[object, ...]] = [("outcome", *found.outcomes)]
-    rows += [(row.name, row.a, row.b, _percent(row.change), row.unit) for row in found.metrics]
+    rows += [(row.name, row.a, row.b, percent(row.change), row.unit) for row in found.metrics]
     parts = [Table(columns, rows).text()]
     for title, items in (("settings", found.settings), ("versions", found.versions)):
         differing = Table(
@@ -135,7 +133,3 @@ def _leaves(value: object, key: str = "") -> Iterator[tuple[str, str]]:
 def _differing(a: dict[str, str], b: dict[str, str]) -> Differing:
     pairs = {name: (a.get(name, "-"), b.get(name, "-")) for name in sorted({*a, *b})}
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
-
-
-def _percent(change: float | None) -> str:
-    return "" if change is None else f"{100 * change:+.3g} %"

@@ -50,13 +50,7 @@ def recorded_moments(run: RunRecord, rows: Rows | NDArray[np.bool_]) -> list[Cur
     """Return raw, filtered and true moment at the sensing gripper [mN m] over the angle [rad]."""
     alpha, side = run["nominal_alpha"][rows], run.sensing_side
     return [
-        Curve(
-            name=name,
-            x=alpha,
-            y=1e3 * run[f"{side}_{column}_moment_y"][rows],
-            colour=colour,
-            width=width,
-        )
+        Curve(name, alpha, 1e3 * run[f"{side}_{column}_moment_y"][rows], colour, width)
         for name, column, colour, width in _RECORDED
     ]
 
@@ -81,8 +75,8 @@ def reference_on_path(scenario: Scenario) -> Curve:
         axial_stiffness_n=sheet.axial_stiffness_n,
     )
     moment = np.array([state.end_moment_nm if state.converged else np.nan for state in states])
-    name, y = "reference, nominal", 1e3 * moment
-    return Curve(name=name, x=alphas, y=y, colour="green", width=1.4, dash="dashed")
+    name = "reference, nominal"
+    return Curve(name, alphas, 1e3 * moment, colour="green", width=1.4, dash="dashed")
 
 
 def reference_at_ends(run: RunRecord) -> Curve:
@@ -95,8 +89,8 @@ def reference_at_ends(run: RunRecord) -> Curve:
             for s in recorded_rods(run, run.scenario.sheet.sheet(), "edge", chosen)
         ]
     )
-    name, x, y = "reference, recorded", run["nominal_alpha"][chosen], 1e3 * moment
-    return Curve(name=name, x=x, y=y, colour="purple", width=1.4, dash="dotted")
+    name, alpha = "reference, recorded", run["nominal_alpha"][chosen]
+    return Curve(name, alpha, 1e3 * moment, colour="purple", width=1.4, dash="dotted")
 
 
 def knots_of(scenario: Scenario) -> list[float]:

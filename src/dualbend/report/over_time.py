@@ -47,9 +47,11 @@ class OverTime:
         """The phases in the order in which they were run."""
         return list(_phases(self.run))
 
-    def curve(self, column: str, name: str, colour: Colour, factor: float = 1.0) -> Curve:
+    def curve(
+        self, column: str, name: str, colour: Colour, factor: float = 1.0, width: float = 1.6
+    ) -> Curve:
         """Return a column of the trace, times a factor, over time."""
-        return Curve(name=name, x=self.run["time"], y=factor * self.run[column], colour=colour)
+        return Curve(name, self.run["time"], factor * self.run[column], colour, width)
 
     def curves_by_side(
         self,
@@ -60,13 +62,7 @@ class OverTime:
     ) -> list[Curve]:
         """Return curves of one or two columns of each side, given as name and ending."""
         return [
-            Curve(
-                name=f"{side} {name}".strip(),
-                x=self.run["time"],
-                y=factor * self.run[f"{side}_{column}"],
-                colour=colour,
-                width=width,
-            )
+            self.curve(f"{side}_{column}", f"{side} {name}".strip(), colour, factor, width)
             for side, width in zip(sides, widths, strict=False)
             for (name, column), colour in zip(columns, _COLOURS[side], strict=False)
         ]

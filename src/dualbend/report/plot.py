@@ -18,7 +18,7 @@ LEFT_RIGHT_WIDTHS = (3.2, 1.4)
 """Where two curves of a kind are equal, the second is seen on the first."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Curve:
     """A line, or points where ``marker`` is given; NaN is a gap; without a name in no legend."""
 

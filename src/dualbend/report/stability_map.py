@@ -27,11 +27,10 @@ def stability_panel(panel: Panel, *, stiffness: bool = False) -> Plot:
         paper = _boundary(b, k, panel.paper / max(k_e, 1e-12))
         drawn = np.isfinite(sampled[0]).any() or np.isfinite(paper[0]).any()
         name = f"{alpha:.2f} rad" + (f", k_e = {k_e:.3g}" if stiffness else "")
-        name = name if drawn else ""
-        curves.append(Curve(name=name, x=sampled[0], y=sampled[1], colour=colour, width=2.0))
-        curves.append(Curve(name="", x=paper[0], y=paper[1], colour=colour, dash="dashed"))
-    gains = [np.array([gain]) for gain in panel.gains]
-    curves.append(Curve(name="gains set", x=gains[0], y=gains[1], colour="red", marker="star"))
+        curves.append(Curve(name if drawn else "", *sampled, colour=colour, width=2.0))
+        curves.append(Curve("", *paper, colour=colour, dash="dashed"))
+    gains = (np.array([gain]) for gain in panel.gains)
+    curves.append(Curve("gains set", *gains, colour="red", marker="star"))
     shown = [Range(low=float(v[0]), high=float(v[-1])) for v in (panel.b, panel.k)]
     return Plot(
         x=Axis("damping b", panel.units[0], "log", shown[0]),
