@@ -132,7 +132,7 @@ def test_beam_prints_the_closed_form_as_json() -> None:
     assert found["force_n"] == pytest.approx(9.869604401089358 * 0.575 / 0.36, rel=1e-12)
 
 
-def test_beam_off_the_optimum_asks_the_oracle() -> None:
+def test_beam_off_the_optimum_asks_the_rod() -> None:
     result = call(
         "beam", "--length", "0.6", "--width", "0.1", "--thickness", "0.001", "--young", "69e9",
         "--alpha", "0.1", "--half-distance", "0.2985031", "--json",

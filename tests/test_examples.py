@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from dualbend import TASKS
 from support.scripts import load_script
 
 EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
@@ -28,8 +29,13 @@ def own_arm(found: dict[str, float]) -> None:
     assert found["peak_moment_nm"] == pytest.approx(42.8e-3, abs=0.1e-3)  # golden
 
 
+def own_task(found: dict[str, float]) -> None:
+    assert abs(found["weight_error"]) < 1e-3  # the swing after the weight came onto the grips
+    TASKS.remove("weigh")
+
+
 CHECKS: dict[str, Callable[[Any], None]] = {
-    check.__name__: check for check in (own_path, own_compliance, own_arm)
+    check.__name__: check for check in (own_path, own_compliance, own_arm, own_task)
 }
 
 

@@ -12,11 +12,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dualbend import COMMAND_PERIOD_S, Deviation, Scenario, load_scenario, make_run
+from dualbend import COMMAND_PERIOD_S, Observation, Scenario, load_scenario, make_run
+
+X, Y, Z, ROLL, PITCH, YAW = range(6)
+"""Components of a deviation in the bending frame of each arm; the bending angle is the pitch."""
 
 
 class DeadBandRotation:
-    """Rotate in proportion to the integral of the moment beyond a dead band."""
+    """Rotate the left grip in proportion to the integral of its moment beyond a dead band."""
 
     damping_nm_s_per_rad = 0.25
     band_nm = 0.01
@@ -25,27 +28,15 @@ class DeadBandRotation:
     def __init__(self, scenario: Scenario) -> None:
         self.turn_rad = 0.0
 
-    def comply(
-        self, force_x_n: float, force_z_n: float, moment_y_nm: float, pose: np.ndarray
-    ) -> Deviation:
-        """Return the deviation of one command period.
-
-        Parameters
-        ----------
-        force_x_n, force_z_n, moment_y_nm
-            Filtered wrench on the arm in its bending frame [N], [N m].
-        pose
-            Nominal x, z [m] and bending angle α [rad].
-        """
-        beyond = np.sign(moment_y_nm) * max(abs(moment_y_nm) - self.band_nm, 0.0)
+    def __call__(self, observation: Observation) -> np.ndarray:
+        """Return the deviation of both arms (2, 6) in one command period."""
+        moment_nm = float(observation.filtered.torque_nm[0, 1])
+        beyond = np.sign(moment_nm) * max(abs(moment_nm) - self.band_nm, 0.0)
         turn = self.turn_rad + COMMAND_PERIOD_S / self.damping_nm_s_per_rad * beyond
         self.turn_rad = float(np.clip(turn, -self.limit_rad, self.limit_rad))
-        return Deviation(
-            dx_m=0.0,
-            dalpha_rad=self.turn_rad,
-            saturated_x=False,
-            saturated_rotation=abs(self.turn_rad) == self.limit_rad,
-        )
+        deviation = np.zeros((2, 6))
+        deviation[0, PITCH] = self.turn_rad
+        return deviation
 
 
 def main(settings: Sequence[str] = ()) -> dict[str, float]:

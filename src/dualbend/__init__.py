@@ -20,18 +20,21 @@ if TYPE_CHECKING:
     from dualbend.beam.rod.planar import solve_planar, solve_symmetric
     from dualbend.beam.sheet import Sheet
     from dualbend.control.clock import COMMAND_PERIOD_S
-    from dualbend.control.compliance.admittance import Deviation
     from dualbend.control.compliance.object import critical_rate
+    from dualbend.control.controller import Observation
     from dualbend.errors import InputError
     from dualbend.planning.plan import plan_assembly
     from dualbend.registry import TASKS, Task
     from dualbend.report.results import write_results
     from dualbend.run.arms import arm_pair
     from dualbend.run.make import make_run
-    from dualbend.run.record import RunRecord
+    from dualbend.run.planar import PlanarRun
+    from dualbend.run.record import Metric, RunRecord
     from dualbend.run.saved import load_run
     from dualbend.scenario.load import list_scenarios, load_scenario
+    from dualbend.scenario.motion import NominalMotion
     from dualbend.scenario.scenario import Scenario
+    from dualbend.scenario.task import TaskConfig
     from dualbend.stability.prediction import predict
     from dualbend.stability.sampled import LoopElements
 
@@ -40,16 +43,20 @@ __all__ = [
     "TASKS",
     "ApproximatePath",
     "BendingPath",
-    "Deviation",
     "ExactPath",
     "InputError",
     "LoopElements",
+    "Metric",
+    "NominalMotion",
+    "Observation",
     "PiecewiseLinearPath",
+    "PlanarRun",
     "RunRecord",
     "Scenario",
     "Sheet",
     "TablePath",
     "Task",
+    "TaskConfig",
     "arm_pair",
     "critical_rate",
     "elastica",
@@ -70,16 +77,20 @@ _HOMES = {
     "TASKS": "registry",
     "ApproximatePath": "beam.path",
     "BendingPath": "beam.path",
-    "Deviation": "control.compliance.admittance",
     "ExactPath": "beam.path",
     "InputError": "errors",
     "LoopElements": "stability.sampled",
+    "Metric": "run.record",
+    "NominalMotion": "scenario.motion",
+    "Observation": "control.controller",
     "PiecewiseLinearPath": "beam.path",
+    "PlanarRun": "run.planar",
     "RunRecord": "run.record",
     "Scenario": "scenario.scenario",
     "Sheet": "beam.sheet",
     "TablePath": "beam.path",
     "Task": "registry",
+    "TaskConfig": "scenario.task",
     "arm_pair": "run.arms",
     "critical_rate": "control.compliance.object",
     "elastica": "beam.elastica",

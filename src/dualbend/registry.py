@@ -76,6 +76,10 @@ class Tasks:
         self._found[task.kind] = task
         return task
 
+    def remove(self, kind: str) -> None:
+        """Take a registered task back."""
+        del self._found[kind]
+
     def __iter__(self) -> Iterator[str]:
         """Yield the kinds."""
         self._look()

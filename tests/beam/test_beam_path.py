@@ -1,4 +1,4 @@
-"""Paths: what they share with the closed form, and what moment they cost by the oracle."""
+"""Paths: what they share with the closed form, and what moment they cost by the rod."""
 
 import ast
 import math

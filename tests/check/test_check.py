@@ -150,10 +150,10 @@ def test_an_update_takes_the_change_in_and_keeps_edited_tolerances(
 def test_a_change_of_code_alone_is_called_so(
     mutated: tuple[Verdicts, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def slower(cycles: int, channels: int) -> TransportDelay:
-        return TransportDelay(cycles + 1, channels)
+    def slower(cycles: int, size: int, shape: tuple[int, ...]) -> TransportDelay:
+        return TransportDelay(cycles + 1, size, shape)
 
-    monkeypatch.setattr("dualbend.run.loop.TransportDelay", slower)
+    monkeypatch.setattr("dualbend.control.controller.TransportDelay", slower)
     found = compare(read_baseline(mutated[1]), [measure(str(mutated[1].parent / "untouched.toml"))])
     assert "peak_moment_by_piece[3]" in {finding.metric for finding in found.failures}
     assert {finding.cause for finding in found.failures} == {"change of code, same engine"}

@@ -24,7 +24,7 @@ def make(
     damping_ratio: float = 0.9, frequency_hz: float = 3.0, joints: int = 1, steps: int = 16
 ) -> CommandResponse:
     config = CommandResponseConfig(natural_frequency_hz=frequency_hz, damping_ratio=damping_ratio)
-    return CommandResponse(config, joints, steps)
+    return CommandResponse(config, joints, steps, period_s=T)
 
 
 def run(response: CommandResponse, setpoints: ArrayLike) -> tuple[Vector, ...]:

@@ -1,15 +1,18 @@
 """The controller of both arms: signs, mirroring, delay, and the closed loop around a spring."""
 
 import math
+from typing import NamedTuple
 
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dualbend.control.alter import AlterMode, PlanarPathModification
+from dualbend.control.alter import AlterMode
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
-from dualbend.control.controller import Command, ComplianceController
-from dualbend.control.delay import TransportDelay
+from dualbend.control.compliance.pair import PairCompliance
+from dualbend.control.controller import Command, ControlledPath, Observation
 from dualbend.control.filters import LowPass, NoFilterConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,
@@ -17,6 +20,9 @@ from dualbend.control.force_torque import (
     ToolGravityCompensation,
     WrenchChain,
 )
+from dualbend.control.wrist import WristSensors
+from dualbend.errors import InputError
+from dualbend.types import PlanarPose
 
 Array = NDArray[np.float64]
 LEVER_M = 0.12
@@ -35,6 +41,13 @@ COMPLIANT = AdmittanceConfig(
 )
 
 
+class Loop(NamedTuple):
+    """What senses, and what decides and executes."""
+
+    sensors: WristSensors
+    path: ControlledPath
+
+
 def make(
     *,
     sensing: tuple[int, ...] = (0,),
@@ -43,21 +56,18 @@ def make(
     mode: AlterMode = "world",
     tool_kg: float = 0.0,
     config: AdmittanceConfig = COMPLIANT,
-) -> ComplianceController:
-    return ComplianceController(
-        chains={
-            i: WrenchChain(
-                Sensor(IDEAL, np.random.default_rng(0)),
-                ToolGravityCompensation(tool_kg, [0.05, 0.0, 0.0]),
-                LowPass(NoFilterConfig()),
-                np.eye(3),
-            )
-            for i in sensing
-        },
-        admittances={i: Admittance(config) for i in sensing},
-        complying=complying,
-        delay=TransportDelay(delay, 4),
-        modifications=(PlanarPathModification(mode), PlanarPathModification(mode)),
+) -> Loop:
+    count = len(sensing)
+    chain = WrenchChain(
+        Sensor(IDEAL, [np.random.default_rng(0) for _ in sensing], (count,)),
+        ToolGravityCompensation(np.full(count, tool_kg), [[0.05, 0.0, 0.0]] * count),
+        LowPass(NoFilterConfig(), period_s=COMMAND_PERIOD_S, shape=(count,)),
+        np.eye(3),
+    )
+    admittance = Admittance(config, period_s=COMMAND_PERIOD_S, shape=(count,))
+    compliance = PairCompliance(admittance, sensing=sensing, complying=complying)
+    return Loop(
+        WristSensors(chain, sensing), ControlledPath(compliance, delay_cycles=delay, mode=mode)
     )
 
 
@@ -77,23 +87,40 @@ def at_sensor(force_b: Array, moment_b: Array, alpha: float, tool_kg: float = 0.
     return np.concatenate((force + weight, moment + np.cross([0.05, 0.0, 0.0], weight)))
 
 
-def cycle(
-    controller: ComplianceController,
+def observe(
+    loop: Loop,
     loads: tuple[tuple[float, float], tuple[float, float]],
     alpha: float = 0.3,
     tool_kg: float = 0.0,
     vertical: float = 0.0,
-) -> Command:
-    """Run one cycle with (F_x, M_y) in B on the left and the right arm."""
+) -> Observation:
+    """Observe (F_x, M_y) in B on the left and the right arm."""
     wrench = np.array(
         [
             at_sensor(np.array([f, 0.0, vertical]), np.array([0.0, m, 0.0]), alpha, tool_kg)
             for f, m in loads
         ]
     )
-    rotation = np.array([axes(alpha, 0.0), axes(alpha, math.pi)])
-    readings = controller.sense(wrench, rotation, np.array([alpha, alpha]))
-    return controller.command(readings, -0.2, 0.7, alpha)
+    pose = PlanarPose(np.array([[-0.2, 0.7, alpha]] * 2))
+    return Observation.of(
+        loop.sensors.read(wrench, np.array([axes(alpha, 0.0), axes(alpha, math.pi)])),
+        time_s=0.0,
+        phase="bend",
+        joints_rad=np.zeros(12),
+        measured=pose,
+        nominal=pose,
+    )
+
+
+def cycle(
+    loop: Loop,
+    loads: tuple[tuple[float, float], tuple[float, float]],
+    alpha: float = 0.3,
+    tool_kg: float = 0.0,
+    vertical: float = 0.0,
+) -> Command:
+    """Run one cycle with (F_x, M_y) in B on the left and the right arm."""
+    return loop.path.command(observe(loop, loads, alpha, tool_kg, vertical))
 
 
 NOTHING = (0.0, 0.0)
@@ -101,8 +128,8 @@ NOTHING = (0.0, 0.0)
 
 def test_no_load_leaves_the_nominal_pose() -> None:
     command = cycle(make(sensing=(0, 1), complying=(0, 1)), (NOTHING, NOTHING))
-    np.testing.assert_allclose(command.pose, [[-0.2, 0.7, 0.3]] * 2, atol=1e-15)
-    assert not command.saturated
+    np.testing.assert_allclose(command.pose.coordinates, [[-0.2, 0.7, 0.3]] * 2, atol=1e-15)
+    assert not command.saturated.any()
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 1.2])
@@ -112,22 +139,21 @@ def test_an_arm_moves_along_the_force_and_the_moment(alpha: float) -> None:
     for _ in range(200):
         command = cycle(controller, ((-10.0, 0.5), NOTHING), alpha)
     # Analytic: δ = F/k after 56 time constants, whatever the end slope, by the sensor's geometry.
-    np.testing.assert_allclose(command.deviation[0], [-10.0 / 2000.0, 0.5 / 50.0], rtol=1e-9)
-    np.testing.assert_allclose(command.pose[0], [-0.205, 0.7, alpha + 0.01], rtol=1e-9)
-    np.testing.assert_allclose(command.pose[1], [-0.2, 0.7, alpha], rtol=1e-12)
-
-
-def test_the_reading_is_the_wrench_at_the_grip() -> None:
-    controller = make(tool_kg=1.3)
-    wrench = at_sensor(np.array([-16.0, 0.0, -2.0]), np.array([0.0, 0.25, 0.0]), 0.6, 1.3)
-    readings = controller.sense(
-        np.array([wrench, wrench]), np.array([axes(0.6, 0.0)] * 2), np.array([0.6, 0.6])
+    np.testing.assert_allclose(
+        command.deviation[0], [-10.0 / 2000.0, 0.0, 0.0, 0.0, 0.5 / 50.0, 0.0], rtol=1e-9
     )
-    assert list(readings) == [0]
-    assert readings[0].force_x_n == pytest.approx(-16.0, abs=1e-12)  # analytic
-    assert readings[0].filtered_force_x_n == pytest.approx(-16.0, abs=1e-12)
-    assert readings[0].moment_y_nm == pytest.approx(0.25, abs=1e-12)
-    assert readings[0].filtered_moment_y_nm == pytest.approx(0.25, abs=1e-12)
+    np.testing.assert_allclose(command.pose.coordinates[0], [-0.205, 0.7, alpha + 0.01], rtol=1e-9)
+    np.testing.assert_allclose(command.pose.coordinates[1], [-0.2, 0.7, alpha], rtol=1e-12)
+
+
+def test_the_observation_is_the_wrench_at_the_grip_and_of_no_sensor_nothing() -> None:
+    observed = observe(make(tool_kg=1.3), ((-16.0, 0.25), NOTHING), 0.6, 1.3, vertical=-2.0)
+    for wrench in (observed.raw, observed.filtered):
+        assert (wrench.frame, wrench.point) == ("bending", "grip")
+        # Analytic.
+        np.testing.assert_allclose(wrench.force_n[0], [-16.0, 0.0, -2.0], atol=1e-12)
+        np.testing.assert_allclose(wrench.torque_nm[0], [0.0, 0.25, 0.0], atol=1e-12)
+        assert np.isnan(wrench.components[1]).all()
 
 
 def test_neither_the_tools_nor_the_sheets_weight_moves_the_arm() -> None:
@@ -141,12 +167,12 @@ def test_symmetric_loads_give_symmetric_commands() -> None:
         command = cycle(controller, ((-7.0, 0.2), (-7.0, 0.2)), tool_kg=0.0)
     assert command.deviation[0, 0] < 0.0
     # The same in each arm's own frame; the sensor's axes differ by a turn of π: rounding.
-    np.testing.assert_allclose(command.pose[0], command.pose[1], rtol=1e-14)
+    np.testing.assert_allclose(command.pose.coordinates[0], command.pose.coordinates[1], rtol=1e-14)
 
 
 def test_each_sensing_arm_follows_its_own_load() -> None:
     command = cycle(make(sensing=(0, 1), complying=(0, 1)), ((-7.0, 0.0), (3.0, 0.0)))
-    gain = Admittance(COMPLIANT).x
+    gain = Admittance(COMPLIANT, period_s=COMMAND_PERIOD_S).x
     assert gain is not None
     np.testing.assert_allclose(command.deviation[:, 0], [-7.0 * gain.gain, 3.0 * gain.gain])
 
@@ -158,7 +184,8 @@ def test_an_arm_without_a_sensor_mirrors_the_one_with(sensor: int, follower: int
     command = cycle(controller, loads)
     assert command.deviation[sensor, 0] < 0.0
     np.testing.assert_array_equal(command.deviation[follower], command.deviation[sensor])
-    np.testing.assert_array_equal(command.pose[follower], command.pose[sensor])
+    pose = command.pose.coordinates
+    np.testing.assert_array_equal(pose[follower], pose[sensor])
 
 
 def test_an_arm_that_only_senses_stays_on_its_path() -> None:
@@ -171,7 +198,7 @@ def test_an_arm_that_only_senses_stays_on_its_path() -> None:
 def test_the_pose_carries_the_deviation_of_whole_cycles_ago(delay: int) -> None:
     controller = make(complying=(0, 1), delay=delay)
     commands = [cycle(controller, ((-5.0 * (n == 0), 0.0), NOTHING)) for n in range(8)]
-    executed = [command.pose[0, 0] + 0.2 for command in commands]
+    executed = [command.pose.coordinates[0, 0] + 0.2 for command in commands]
     sent = [command.deviation[0, 0] for command in commands]
     assert sent[0] != 0.0
     # Analytic: y[n] = u[n − d], the same numbers but for adding and subtracting 0.2.
@@ -187,12 +214,25 @@ def test_the_deviation_is_executed_in_the_frame_of_the_mode(mode: AlterMode) -> 
     phi = {"world": 0.0, "tool": 0.5, "tool-frozen": 0.2}[mode]
     dx = command.deviation[0, 0]
     expected = [-0.2 + dx * math.cos(phi), 0.7 - dx * math.sin(phi), 0.5]
-    np.testing.assert_allclose(command.pose[0], expected, rtol=1e-14)  # analytic
+    np.testing.assert_allclose(command.pose.coordinates[0], expected, rtol=1e-14)  # analytic
 
 
 def test_a_bound_that_is_met_is_told() -> None:
-    assert cycle(make(), ((-1e4, 0.0), NOTHING)).saturated
-    assert not cycle(make(), ((-10.0, 0.0), NOTHING)).saturated
+    tight = msgspec.structs.replace(COMPLIANT, limit_x_m=0.005)
+    for force, met in ((-1e4, True), (-10.0, False)):
+        loop = make(config=tight)
+        observed = observe(loop, ((force, 0.0), NOTHING))
+        assert observed.clipped.any() == met  # of the sensor
+        assert loop.path.command(observed).saturated.any() == met  # of the deviation
+
+
+@pytest.mark.parametrize("component", [1, 3, 5])
+def test_a_deviation_out_of_the_bending_plane_is_refused(component: int) -> None:
+    deviation = np.zeros((2, 6))
+    deviation[1, component] = 1e-9
+    path = ControlledPath(lambda _: deviation, delay_cycles=0, mode="world")
+    with pytest.raises(InputError, match="need 0 in components 1, 3 and 5"):
+        path.command(observe(make(), (NOTHING, NOTHING)))
 
 
 @pytest.mark.parametrize("delay", [0, 2])
@@ -205,7 +245,7 @@ def test_the_loop_around_a_spring_settles_at_the_static_solution(
     executed = 0.0
     for _ in range(600):
         command = cycle(controller, ((-12.0 - stiffness * executed, 0.0), NOTHING))
-        executed = float(command.pose[0, 0]) + 0.2
+        executed = float(command.pose.coordinates[0, 0]) + 0.2
     # Analytic; the loop gain k_e/k is below 1, so it is stable for any delay.
     assert executed == pytest.approx(-12.0 / (2000.0 + stiffness), rel=1e-9)
 
@@ -216,5 +256,5 @@ def test_the_rotary_loop_around_a_spring_settles_too() -> None:
     for _ in range(600):
         # More α relaxes the moment: dM/dα = −k_α.
         command = cycle(controller, ((0.0, 0.4 - 30.0 * turned), NOTHING))
-        turned = float(command.pose[0, 2]) - 0.3
+        turned = float(command.pose.coordinates[0, 2]) - 0.3
     assert turned == pytest.approx(0.4 / (50.0 + 30.0), rel=1e-9)  # analytic

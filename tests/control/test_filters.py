@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ
 from dualbend.control.filters import (
-    NYQUIST_HZ,
     FirConfig,
     IirConfig,
     LowPass,
@@ -31,7 +30,7 @@ BY_NAME = pytest.mark.parametrize("config", CONFIGS, ids=str)
 
 @BY_NAME
 def test_response_to_noise_and_impulse_is_the_transfer_functions(config: LowPassConfig) -> None:
-    low_pass = LowPass(config, channels=3)
+    low_pass = LowPass(config, channels=3, period_s=COMMAND_PERIOD_S)
     samples = np.random.default_rng(1).normal(size=(80, 3))
     samples[:40] = 0.0
     samples[0] = (1.0, -2.0, 0.5)
@@ -42,7 +41,7 @@ def test_response_to_noise_and_impulse_is_the_transfer_functions(config: LowPass
 
 @BY_NAME
 def test_unit_gain_at_dc_and_no_transient_from_a_steady_value(config: LowPassConfig) -> None:
-    low_pass = LowPass(config)
+    low_pass = LowPass(config, period_s=COMMAND_PERIOD_S)
     value = np.array([16.0, -3.0, 0.2, 0.0, 0.4, -1e3])
     low_pass.update(np.full(6, 7.0))
     low_pass.reset(value)
@@ -54,7 +53,7 @@ def test_unit_gain_at_dc_and_no_transient_from_a_steady_value(config: LowPassCon
 
 @pytest.mark.parametrize("order", [1, 2, 5])
 def test_steady_memory_is_the_one_of_lfilter_zi(order: int) -> None:
-    low_pass = LowPass(IirConfig(order=order), channels=1)
+    low_pass = LowPass(IirConfig(order=order), channels=1, period_s=COMMAND_PERIOD_S)
     low_pass.reset(1.0)
     # Analytic: two ways to the same linear system.
     assert np.allclose(
@@ -67,7 +66,7 @@ def test_steady_memory_is_the_one_of_lfilter_zi(order: int) -> None:
     st.lists(st.tuples(st.floats(-100, 100), st.floats(-100, 100)), min_size=1, max_size=12),
 )
 def test_superposition(config: LowPassConfig, samples: list[tuple[float, float]]) -> None:
-    one, two, both = (LowPass(config, channels=1) for _ in range(3))
+    one, two, both = (LowPass(config, channels=1, period_s=COMMAND_PERIOD_S) for _ in range(3))
     for first, second in samples:
         total = one.update(np.array([first])) + 2.0 * two.update(np.array([second]))
         # Analytic: rounding relative to inputs of 100.
@@ -75,7 +74,7 @@ def test_superposition(config: LowPassConfig, samples: list[tuple[float, float]]
 
 
 def test_a_returned_sample_stays_what_it_was() -> None:
-    low_pass = LowPass(FirConfig(), channels=2)
+    low_pass = LowPass(FirConfig(), channels=2, period_s=COMMAND_PERIOD_S)
     first = low_pass.update(np.ones(2))
     kept = first.copy()
     low_pass.update(np.full(2, 9.0))
@@ -85,7 +84,7 @@ def test_a_returned_sample_stays_what_it_was() -> None:
 
 @pytest.mark.parametrize("taps", [2, 3, 5, 8])
 def test_fir_is_linear_phase_with_half_its_length_as_delay(taps: int) -> None:
-    low_pass = LowPass(FirConfig(taps=taps))
+    low_pass = LowPass(FirConfig(taps=taps), period_s=COMMAND_PERIOD_S)
     for frequency in (0.0, 1.0, 5.0):
         # Analytic: (n − 1)/2 periods at every frequency.
         assert math.isclose(
@@ -95,7 +94,7 @@ def test_fir_is_linear_phase_with_half_its_length_as_delay(taps: int) -> None:
 
 @pytest.mark.parametrize(("order", "delay_ms"), [(1, 11.582), (2, 16.379), (4, 30.265)])
 def test_butterworth_delay_at_dc(order: int, delay_ms: float) -> None:
-    low_pass = LowPass(IirConfig(order=order))
+    low_pass = LowPass(IirConfig(order=order), period_s=COMMAND_PERIOD_S)
     # Analytic: bilinear transform, T/2 · Σ sin(pole angles) / tan(π f T).
     angles = math.pi * (2 * np.arange(1, order + 1) - 1) / (2 * order)
     delay = (
@@ -107,7 +106,10 @@ def test_butterworth_delay_at_dc(order: int, delay_ms: float) -> None:
 
 
 def test_fir_delays_more_than_the_butterworth_that_it_replaced() -> None:
-    fir, iir = LowPass(FirConfig(taps=3)), LowPass(IirConfig(order=2))
+    fir, iir = (
+        LowPass(FirConfig(taps=3), period_s=COMMAND_PERIOD_S),
+        LowPass(IirConfig(order=2), period_s=COMMAND_PERIOD_S),
+    )
     # Analytic inequality in the pass band that matters for the loop.
     assert all(fir.group_delay_s(f) > iir.group_delay_s(f) for f in np.linspace(0, 5, 11))
 
@@ -117,18 +119,20 @@ def test_fir_delays_more_than_the_butterworth_that_it_replaced() -> None:
 def test_butterworth_has_the_corner_it_is_asked_for(order: int, cutoff_hz: float) -> None:
     config = IirConfig(order=order, cutoff_hz=cutoff_hz)
     # Analytic: the design pre-warps; limited by the root finder.
-    assert LowPass(config).minus_3db_hz == pytest.approx(cutoff_hz, abs=1e-8)
+    assert LowPass(config, period_s=COMMAND_PERIOD_S).minus_3db_hz == pytest.approx(
+        cutoff_hz, abs=1e-8
+    )
 
 
 def test_two_taps_have_their_corner_at_a_quarter_of_the_rate_whatever_is_asked() -> None:
     for cutoff_hz in (3.0, 10.0):
-        low_pass = LowPass(FirConfig(taps=2, cutoff_hz=cutoff_hz))
+        low_pass = LowPass(FirConfig(taps=2, cutoff_hz=cutoff_hz), period_s=COMMAND_PERIOD_S)
         # Analytic: the mean of two samples, |H| = cos(π f T).
         assert low_pass.minus_3db_hz == pytest.approx(0.25 / COMMAND_PERIOD_S, abs=1e-8)
 
 
 def test_three_hamming_taps_never_reach_minus_3_db() -> None:
-    low_pass = LowPass(FirConfig(taps=3, cutoff_hz=10.0))
+    low_pass = LowPass(FirConfig(taps=3, cutoff_hz=10.0), period_s=COMMAND_PERIOD_S)
     end, middle, _ = low_pass.transfer_function()[0]
     assert low_pass.minus_3db_hz is None
     # Analytic: a symmetric 3-tap filter has H = middle + 2 end cos(2π f T).
@@ -143,7 +147,7 @@ def test_three_hamming_taps_never_reach_minus_3_db() -> None:
 )
 def test_corner_of_short_fir_filters(taps: int, window: str, corner_hz: float) -> None:
     # Golden: what the documentation quotes for a design cut-off of 10 Hz.
-    corner = LowPass(FirConfig(taps=taps, window=window)).minus_3db_hz
+    corner = LowPass(FirConfig(taps=taps, window=window), period_s=COMMAND_PERIOD_S).minus_3db_hz
     assert corner == pytest.approx(corner_hz, abs=5e-3)
 
 

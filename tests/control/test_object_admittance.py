@@ -1,4 +1,4 @@
-"""What both arms hold gives way to the net force on it: statics, the damper, the loop's limit."""
+"""What both arms hold complies with the net force on it: statics, the damper, the loop's limit."""
 
 import math
 from collections.abc import Sequence
@@ -19,39 +19,18 @@ from dualbend.control.compliance.object import (
     ObjectAdmittance,
     ObjectComplianceConfig,
     critical_rate,
+    net_wrench,
 )
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import FirConfig, IirConfig, LowPass, NoFilterConfig
-from dualbend.control.force_torque import WrenchSample
-from dualbend.control.reading import Reading, net_wrench
 from dualbend.control.response import CommandResponse, CommandResponseConfig
-from dualbend.types import Vector
+from dualbend.types import Vector, Wrench
 
 T = COMMAND_PERIOD_S
 NO_BAND = ObjectComplianceConfig(deadband_n=0.0, deadband_nm=0.0)
 MOBILITY = np.array([[2e-3, 1e-3, 0.2], [1e-3, 4e-4, 0.05]])
 VECTOR = arrays(np.float64, 3, elements=st.floats(-40, 40))
 RESPONSE = CommandResponseConfig(natural_frequency_hz=2.2, damping_ratio=1.0)
-
-
-def reading(force_grip: Vector, torque_grip: Vector) -> Reading:
-    """Return a reading whose filtered wrench is this; what must not be used is spoilt."""
-    spoilt = np.full(3, np.nan)
-    sample = WrenchSample(
-        force_sensor_n=spoilt,
-        torque_sensor_nm=spoilt,
-        force_grip_n=spoilt,
-        torque_grip_nm=spoilt,
-        filtered_force_grip_n=force_grip,
-        filtered_torque_grip_nm=torque_grip,
-        saturated=False,
-    )
-    return Reading(
-        sample=sample,
-        force_x_n=math.nan,
-        filtered_force_x_n=math.nan,
-        filtered_force_z_n=math.nan,
-    )
 
 
 def grips(half: float, rise: float, alpha: float, yaw: float, place: Vector) -> list[tuple]:
@@ -64,12 +43,19 @@ def grips(half: float, rise: float, alpha: float, yaw: float, place: Vector) -> 
     return found
 
 
-def sensed(wrenches: Sequence[tuple[Vector, Vector]], axes: Sequence[Rotation]) -> dict:
-    """Return the readings of forces and moments on the grips that are given in the world."""
-    return {
-        i: reading(frame.inv().apply(force), frame.inv().apply(torque))
-        for i, ((force, torque), frame) in enumerate(zip(wrenches, axes, strict=True))
-    }
+def sensed(wrenches: Sequence[tuple[Vector, Vector]], axes: Sequence[Rotation]) -> Wrench:
+    """Return in the grip frames the forces and moments on the grips that are in the world."""
+    return on_grips(
+        *(
+            (frame.inv().apply(force), frame.inv().apply(torque))
+            for (force, torque), frame in zip(wrenches, axes, strict=True)
+        )
+    )
+
+
+def on_grips(*wrenches: tuple[Vector, Vector]) -> Wrench:
+    """Return both arms' wrenches of forces and torques in their grip frames."""
+    return Wrench(np.array([np.concatenate(each) for each in wrenches]), "grip", "grip")
 
 
 # --- the net wrench -----------------------------------------------------------------------------
@@ -131,8 +117,8 @@ def test_symmetric_bending_leaves_only_the_weight(
     along: float, normal: float, moment: float, alpha: float, yaw: float
 ) -> None:
     """The two grips' bending loads are each other's mirror image, equal in their own frames."""
-    same = reading(np.array([along, 0.0, normal]), np.array([0.0, moment, 0.0]))
-    net = net_wrench({0: same, 1: same}, 0.2, alpha, yaw)
+    same = (np.array([along, 0.0, normal]), np.array([0.0, moment, 0.0]))
+    net = net_wrench(on_grips(same, same), 0.2, alpha, yaw)
     # Analytic: the horizontal forces and the moments are opposite numbers, cancelled exactly.
     np.testing.assert_allclose(net[[0, 1, 3]], 0.0, atol=1e-12)
     up = 2.0 * (normal * math.cos(alpha) - along * math.sin(alpha))
@@ -147,13 +133,17 @@ def test_signs_of_each_grip_alone(yaw: float, pushed: list[float]) -> None:
 
     Across, the left grip's y turns the sheet clockwise from half the length, and so does the right.
     """
-    zero, half = reading(np.zeros(3), np.zeros(3)), 0.25
-    push, aside = (reading(axis, np.zeros(3)) for axis in np.eye(3)[:2])
-    # Analytic: unit forces.
-    for readings, sign in (({0: push, 1: zero}, 1.0), ({0: zero, 1: push}, -1.0)):
-        net = net_wrench(readings, half, 0.0, yaw)
+    none, unknown, half = np.zeros(3), np.full(3, np.nan), 0.25
+    push, aside = ((axis, none) for axis in np.eye(3)[:2])
+    # Analytic: unit forces; an arm without a sensor adds nothing.
+    for grips, sign in (
+        (on_grips(push, (none, none)), 1.0),
+        (on_grips((none, none), push), -1.0),
+        (on_grips((unknown, unknown), push), -1.0),
+    ):
+        net = net_wrench(grips, half, 0.0, yaw)
         np.testing.assert_allclose(net, [*(sign * np.array(pushed)), 0.0, 0.0], atol=1e-15)
-    both = net_wrench({0: aside, 1: aside}, half, 0.0, yaw)
+    both = net_wrench(on_grips(aside, aside), half, 0.0, yaw)
     np.testing.assert_allclose(both, [0.0, 0.0, 0.0, -2.0 * half], atol=1e-15)
 
 
@@ -161,7 +151,7 @@ def test_signs_of_each_grip_alone(yaw: float, pushed: list[float]) -> None:
 
 
 def make(config: ObjectComplianceConfig = NO_BAND) -> ObjectAdmittance:
-    return ObjectAdmittance(config, np.array([0.0, 1.0]), MOBILITY)
+    return ObjectAdmittance(config, np.array([0.0, 1.0]), MOBILITY, period_s=T)
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.25, 1.0])
@@ -229,7 +219,7 @@ def test_a_clamped_deviation_comes_back_at_once() -> None:
 def test_a_sure_force_seeks_at_the_least_speed_in_its_direction(angle: float, size: float) -> None:
     """Isotropic mobility, so that the direction of the speed is the force's."""
     config = ObjectComplianceConfig(deadband_n=0.0, deadband_nm=0.0, gain_margin=5.0)
-    admittance = ObjectAdmittance(config, np.array([0.0, 1.0]), np.full((2, 3), 1e-4))
+    admittance = ObjectAdmittance(config, np.array([0.0, 1.0]), np.full((2, 3), 1e-4), period_s=T)
     force = size * np.array([math.cos(angle), math.sin(angle), 0.0])
     speed = admittance.update(force, 0.5, seeking=True) / T
     # Analytic: the margin 5 is used up to 1.25, so 4 F/B; not below 0.5 mm/s.
@@ -242,7 +232,7 @@ def test_a_doubtful_force_seeks_slower_and_none_does_not_seek() -> None:
     config = ObjectComplianceConfig()
 
     def fresh() -> ObjectAdmittance:
-        return ObjectAdmittance(config, np.array([0.0, 1.0]), np.full((2, 3), 1e-9))
+        return ObjectAdmittance(config, np.array([0.0, 1.0]), np.full((2, 3), 1e-9), period_s=T)
 
     for share in (0.25, 1.0, 3.0):
         admittance = fresh()
@@ -262,7 +252,7 @@ def test_a_doubtful_force_seeks_slower_and_none_does_not_seek() -> None:
 def test_seeking_never_slows_down() -> None:
     """A margin below what seeking leaves is not used up further."""
     config = msgspec.structs.replace(NO_BAND, gain_margin=1.1)
-    fast = ObjectAdmittance(config, np.array([0.0, 1.0]), np.full((2, 3), 1e-2))
+    fast = ObjectAdmittance(config, np.array([0.0, 1.0]), np.full((2, 3), 1e-2), period_s=T)
     wrench = np.array([1.0, -2.0, 0.5])
     # Analytic: F/B as it is.
     np.testing.assert_allclose(fast.update(wrench, 0.0, True), T * 1e-2 * wrench, rtol=1e-12)
@@ -281,7 +271,7 @@ def test_an_integrator_with_delay(cycles: int, as_latency: bool) -> None:
     path, latency = ([], cycles) if as_latency else ([delay(cycles)], 0.0)
     closed = 2.0 / T * math.sin(math.pi / (2 * (2 * cycles - 1)))
     # Analytic up to the grid: the crossing is found to π/4000, of a frequency of π/(2d − 1).
-    assert critical_rate(path, latency) == pytest.approx(closed, rel=(2 * cycles - 1) / 4000)
+    assert critical_rate(path, latency, T) == pytest.approx(closed, rel=(2 * cycles - 1) / 4000)
 
 
 def poles(path: Sequence[TransferFunction], latency: int, rate: float) -> Vector:
@@ -300,9 +290,9 @@ def shipped(kind: str, cycles: int) -> list[TransferFunction]:
         "none": NoFilterConfig(),
     }[kind]
     return [
-        LowPass(low_pass).transfer_function(),
+        LowPass(low_pass, period_s=T).transfer_function(),
         delay(cycles),
-        CommandResponse(RESPONSE, 1, 16).transfer_function(),
+        CommandResponse(RESPONSE, 1, 16, period_s=T).transfer_function(),
     ]
 
 
@@ -314,7 +304,7 @@ def test_at_the_critical_rate_a_pole_meets_the_circle(kind: str, cycles: int, la
     def largest(rate: float) -> float:
         return float(np.abs(poles(path, latency, rate)).max()) - 1.0
 
-    rate = critical_rate(path, latency)
+    rate = critical_rate(path, latency, T)
     edge = brentq(largest, 0.05 * rate, 20.0 * rate)
     # Analytic up to the grid of frequencies: first order in π/4000.
     assert rate == pytest.approx(edge, rel=1e-2)
@@ -331,10 +321,11 @@ def swing(rate: float, path_delay: int, latency: int, cycles: int = 600) -> floa
         msgspec.structs.replace(NO_BAND, limit_m=1e3),
         np.array([0.0, 1.0]),
         np.full((2, 3), rate / stiffness),
+        period_s=T,
     )
-    low_pass = LowPass(FirConfig(cutoff_hz=10.0, taps=2), 3)
+    low_pass = LowPass(FirConfig(cutoff_hz=10.0, taps=2), 3, period_s=T)
     line, age = TransportDelay(path_delay, 3), TransportDelay(latency, 3)
-    response = CommandResponse(RESPONSE, 3, 16)
+    response = CommandResponse(RESPONSE, 3, 16, period_s=T)
     place = []
     for _ in range(cycles):
         place.append(float(response.position[0]) - 1e-3)
@@ -348,14 +339,14 @@ def swing(rate: float, path_delay: int, latency: int, cycles: int = 600) -> floa
 @pytest.mark.parametrize(("path_delay", "latency"), [(2, 1), (4, 0)])
 def test_the_streamed_loop_swings_up_only_beyond_it(path_delay: int, latency: int) -> None:
     """The order of the run's own loop: place, force, age, filter, damper, delay, response."""
-    rate = critical_rate(shipped("fir", path_delay), latency)
+    rate = critical_rate(shipped("fir", path_delay), latency, T)
     assert swing(0.95 * rate, path_delay, latency) < 0.5
     assert swing(1.05 * rate, path_delay, latency) > 2.0
 
 
 def test_a_fraction_of_a_cycle_is_between_its_neighbours() -> None:
     path = shipped("fir", 2)
-    rates = [critical_rate(path, age) for age in (0.0, 0.0625, 0.375, 1.0)]
+    rates = [critical_rate(path, age, T) for age in (0.0, 0.0625, 0.375, 1.0)]
     assert rates == sorted(rates, reverse=True)
     # Discretisation-limited: the rate is smooth in the age, so the secant is close.
     assert rates[2] == pytest.approx(rates[0] + 0.375 * (rates[3] - rates[0]), rel=0.03)

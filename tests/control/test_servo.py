@@ -55,7 +55,10 @@ def test_a_load_is_felt_as_the_configured_stiffness() -> None:
 def reference(cycles: int, steps: int, size_rad: float) -> tuple[Array, Array, Array]:
     """Return the response to a step of the setpoint at the first cycle, (time, 3) each."""
     response = CommandResponse(
-        CommandResponseConfig(natural_frequency_hz=2.5, damping_ratio=1.0), 3, steps
+        CommandResponseConfig(natural_frequency_hz=2.5, damping_ratio=1.0),
+        3,
+        steps,
+        period_s=0.028,
     )
     response.reset(np.zeros(3))
     goal = size_rad * np.array([1.0, -1.0, 0.5])

@@ -12,6 +12,7 @@ import pytest
 from scipy import optimize
 
 from dualbend.beam.rod import planar as rod
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import peak_by_piece
@@ -95,7 +96,7 @@ def test_fig6_of_the_cheap_model_is_that_of_the_simulation(table: Table) -> None
 
 
 def gains(config: AdmittanceConfig) -> list[float]:
-    filters = Admittance(config)
+    filters = Admittance(config, period_s=COMMAND_PERIOD_S)
     assert filters.x is not None
     assert filters.rotation is not None
     return [filters.x.pole, filters.x.gain, filters.rotation.pole, filters.rotation.gain]

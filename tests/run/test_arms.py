@@ -82,7 +82,7 @@ def test_an_arm_that_is_too_weak_is_refused_with_both_numbers(
 
 
 def test_the_load_is_what_the_sheet_asks_for() -> None:
-    """Golden: the rod oracle's first peak of 0.40 EI/L and up to 25 EI/L² on 0.2 rad."""
+    """Golden: the rod's first peak of 0.40 EI/L and up to 25 EI/L² on 0.2 rad."""
     scenario = load_scenario("fig6")
     sheet = scenario.sheet.sheet()
     force, weight, moment = sheet_load(scenario)

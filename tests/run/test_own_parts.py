@@ -5,8 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dualbend import Deviation, load_run, load_scenario, write_results
+from dualbend import (
+    Observation,
+    load_run,
+    load_scenario,
+    write_results,
+)
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance
+from dualbend.control.compliance.pair import PairCompliance
 from dualbend.errors import InputError
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.scenario import Scenario
@@ -27,14 +34,13 @@ class Still:
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
 
-    def comply(
-        self, force_x_n: float, force_z_n: float, moment_y_nm: float, pose: Vector
-    ) -> Deviation:
-        return Deviation(dx_m=0.0, dalpha_rad=0.0, saturated_x=False, saturated_rotation=False)
+    def __call__(self, observation: Observation) -> Vector:
+        return np.zeros((2, 6))
 
 
-def papers_own(scenario: Scenario) -> Admittance:
-    return Admittance(scenario.compliance)
+def papers_own(scenario: Scenario) -> PairCompliance:
+    admittance = Admittance(scenario.compliance, period_s=COMMAND_PERIOD_S, shape=(1,))
+    return PairCompliance(admittance, sensing=[0], complying=[0])
 
 
 def columns(run: BendingRun) -> Vector:
@@ -55,6 +61,56 @@ def test_the_papers_compliance_brought_along_is_the_scenarios() -> None:
     own = columns(BendingRun(short("fig8", *settings), compliance=papers_own))
     np.testing.assert_array_equal(own, columns(BendingRun(short("fig8", *settings))))
     assert np.abs(own[:, 1]).max() > 1e-5
+
+
+class Witness(Still):
+    """Remembers what it was told."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self.told: list[Observation] = []
+
+    def __call__(self, observation: Observation) -> Vector:
+        self.told.append(observation)
+        return super().__call__(observation)
+
+
+def test_a_controller_is_told_what_the_trace_records() -> None:
+    made = list[Witness]()
+
+    def make(scenario: Scenario) -> Witness:
+        made.append(Witness(scenario))
+        return made[-1]
+
+    run = BendingRun(short("fig8", 'compliance.sensing=["left","right"]'), compliance=make)
+    result = run.run()
+    trace, told = result.trace, made[0].told
+    assert len(made) == 1
+    assert len(told) == trace.rows
+
+    def column(name: str) -> Vector:
+        return np.asarray(trace[name])
+
+    assert [result.phases.index(o.phase) for o in told] == column("phase").tolist()
+    np.testing.assert_array_equal([o.time_s for o in told], column("time"))
+    for i, side in enumerate(("left", "right")):
+        expected = {
+            "measured_force_x": [o.raw.force_n[i, 0] for o in told],
+            "measured_moment_y": [o.raw.torque_nm[i, 1] for o in told],
+            "filtered_force_x": [o.filtered.force_n[i, 0] for o in told],
+            "filtered_moment_y": [o.filtered.torque_nm[i, 1] for o in told],
+            "grip_x": [o.measured.x_m[i] for o in told],
+            "grip_alpha": [o.measured.alpha_rad[i] for o in told],
+            "q_joint2": [o.joints_rad[6 * i + 1] for o in told],
+        }
+        for name, values in expected.items():
+            np.testing.assert_array_equal(values, column(f"{side}_{name}"), err_msg=name)
+        np.testing.assert_array_equal(
+            [o.nominal.alpha_rad[i] for o in told], column("nominal_alpha")
+        )
+        np.testing.assert_array_equal(
+            [-o.nominal.x_m[i] for o in told], column("nominal_half_distance")
+        )
 
 
 def test_a_run_says_whose_compliance_it_had(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from dualbend.arm import mjcf as arm
 from dualbend.arm.model import scene_joints
 from dualbend.beam import elastica
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponse, CommandResponseConfig
-from dualbend.mechanics.stiffness import endpoint_stiffness
+from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.run.cell import make_servo
 from dualbend.scenario.load import load_scenario
@@ -317,8 +318,8 @@ def test_the_arm_gives_way_as_the_joint_stiffness_says(bent: Cell) -> None:
     for _ in range(600):
         mujoco.mj_step(model, data)
     moved = data.site_xpos[site] - before
-    full = endpoint_stiffness(np.vstack((jacobian, turn))[:, dof], bent.servo.stiffness[:6])
-    expected = np.linalg.solve(full, [*force, 0.0, 0.0, 0.0])[:3]
+    full = endpoint_compliance(np.vstack((jacobian, turn))[:, dof], bent.servo.stiffness[:6])
+    expected = (full @ [*force, 0.0, 0.0, 0.0])[:3]
     # Linear statics; second order in a deflection of 0.2 mm on 0.5 m.
     np.testing.assert_allclose(moved, expected, atol=1e-2 * np.abs(expected).max())
 
@@ -365,7 +366,10 @@ def track(cell: Cell, goals: Array) -> tuple[Array, Array]:
     simulation = cell.simulation()
     simulation.data.eq_active[:] = 0  # the sheet falls: its load is not the servo's tracking
     response = CommandResponse(
-        CommandResponseConfig(natural_frequency_hz=2.5, damping_ratio=1.0), 12, simulation.steps
+        CommandResponseConfig(natural_frequency_hz=2.5, damping_ratio=1.0),
+        12,
+        simulation.steps,
+        period_s=COMMAND_PERIOD_S,
     )
     response.reset(cell.home)
     followed, wanted = [], []

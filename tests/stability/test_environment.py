@@ -1,4 +1,4 @@
-"""The stiffness that the loop feels: oracle's tangent, arms and grasps in series, state of rest."""
+"""Stiffness in the loop: the rod's tangent, arms and grasps in series, equilibrium."""
 
 from __future__ import annotations
 
@@ -9,18 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from dualbend.beam import elastica
+from dualbend.beam.rod.tangent import sheet_tangent, sheet_wrench, solve_grips
 from dualbend.errors import InputError
-from dualbend.mechanics.series import in_series
 from dualbend.scenario.load import load_scenario
-from dualbend.stability.plant.coupling import Coupling
+from dualbend.stability.plant.coupling import scenario_coupling
 from dualbend.stability.plant.environment import environments
-from dualbend.stability.plant.equilibrium import (
-    rest,
-    sheet_mass,
-    sheet_tangent,
-    sheet_wrench,
-    solve_grips,
-)
+from dualbend.stability.plant.equilibrium import find_equilibrium, sheet_mass
+from dualbend.stability.plant.pose import PosedArm
 
 Vector = NDArray[np.float64]
 
@@ -64,31 +59,23 @@ def test_moving_a_sheet_as_a_whole_costs_nothing() -> None:
         assert np.abs(tangent @ along).max() < 1e-9 * np.abs(tangent).max()
 
 
-def test_series_is_the_inverse_of_summed_compliances() -> None:
-    stiffness = np.array([[3.0, 1.0], [1.0, 2.0]])
-    compliance = np.diag([0.5, 0.1])
-    expected = np.linalg.inv(np.linalg.inv(stiffness) + compliance)
-    # Analytic.
-    np.testing.assert_allclose(in_series(stiffness, compliance), expected, rtol=1e-12)
-    rigid = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    np.testing.assert_allclose(in_series(rigid, np.eye(2)), rigid / 3.0, rtol=1e-12)
-
-
 def test_arms_and_grasps_soften_the_sheet_and_most_where_it_is_stiff() -> None:
     near, far = environments(load_scenario("fig8"), [0.2, 0.8], at_rest=False)
-    parts = [1.0 - e.loops["alone"][0, 0] / e.rigid_loops["alone"][0, 0] for e in (near, far)]
+    parts = [1.0 - e.loops["single"][0, 0] / e.rigid_loops["single"][0, 0] for e in (near, far)]
     # Golden: 1.39 N/mm on an arm of about 50 N/mm, then 0.1 N/mm; the rest by rotation and pads.
     # The other arm, which nothing commands, is held by its dry friction.
     assert parts[0] == pytest.approx(0.032, abs=0.003)
     assert parts[1] == pytest.approx(0.011, abs=0.004)
     # Golden: 55.6 N/mm of the arm (the validation measures it) and 1400 N/mm of the pads.
-    assert 1e-3 / near.compliance[0, 0] == pytest.approx(1 / (1 / 55.6 + 1 / 1400), rel=0.1)
+    arm = PosedArm(load_scenario("fig8"), np.array([-elastica.half_distance(0.2, L), 0.7, 0.2]))
+    along = (arm.compliance + arm.grasp)[0, 0]
+    assert 1e-3 / along == pytest.approx(1 / (1 / 55.6 + 1 / 1400), rel=0.1)
 
 
 def test_a_scenario_solved_at_rest_balances_filter_arms_and_sheet() -> None:
     compliance = np.diag([2e-3, 2e-5, 0.1, 2e-5, 2e-5, 0.01])
     nominal = on_path(0.3)
-    found = rest(SHEET, nominal, compliance)
+    found = find_equilibrium(SHEET, nominal, compliance)
     assert found.settled
     wrench = sheet_wrench(solve_grips(SHEET, found.grips))
     # Solver tolerance 1e-9, times what a gap does to the wrench.
@@ -103,17 +90,17 @@ def test_no_rest_is_found_where_the_sheet_is_not() -> None:
     beyond = np.array([-0.6 * L, 0.0, 2.0, -0.6 * L, 0.0, 2.0])
     state = solve_grips(SHEET, beyond)
     if state.converged:
-        pytest.skip("the oracle follows even this")
-    assert not rest(SHEET, beyond, np.zeros((6, 6))).settled
+        pytest.skip("the rod solver follows even this")
+    assert not find_equilibrium(SHEET, beyond, np.zeros((6, 6))).settled
     with pytest.raises(InputError, match="was not found"):
         sheet_tangent(state)
 
 
 def test_both_arms_are_twice_as_stiff_along_x_and_symmetric() -> None:
-    one = environments(load_scenario("fig8"), [0.4], at_rest=False)[0].rigid_loops["alone"]
+    one = environments(load_scenario("fig8"), [0.4], at_rest=False)[0].rigid_loops["single"]
     mirrored = environments(
         load_scenario("fig8", [f"compliance.complying={BOTH}"]), [0.4], at_rest=False
-    )[0].rigid_loops["alike"]
+    )[0].rigid_loops["symmetric"]
     # Analytic: only the distance between the grips counts.
     assert mirrored[0, 0] == pytest.approx(2.0 * one[0, 0], rel=1e-9)
     each = environments(
@@ -121,17 +108,17 @@ def test_both_arms_are_twice_as_stiff_along_x_and_symmetric() -> None:
         [0.4],
         at_rest=False,
     )[0].rigid_loops
-    np.testing.assert_allclose(each["alike"], mirrored, rtol=1e-9)
-    # Opposed along x the sheet is carried sideways: no force.
-    assert abs(each["opposed"][0, 0]) < 1e-9 * one[0, 0]
+    np.testing.assert_allclose(each["symmetric"], mirrored, rtol=1e-9)
+    # Antisymmetric along x the sheet is carried sideways: no force.
+    assert abs(each["antisymmetric"][0, 0]) < 1e-9 * one[0, 0]
 
 
 def test_right_arm_alone_is_the_left_arm_alone() -> None:
-    left = environments(load_scenario("fig8"), [0.4])[0].loops["alone"]
+    left = environments(load_scenario("fig8"), [0.4])[0].loops["single"]
     right = environments(
         load_scenario("fig8", ['compliance.complying=["right"]', 'compliance.sensing=["right"]']),
         [0.4],
-    )[0].loops["alone"]
+    )[0].loops["single"]
     # Analytic but for the solver's tolerance.
     np.testing.assert_allclose(right, left, rtol=1e-6)
 
@@ -141,19 +128,19 @@ def test_an_arm_that_follows_the_others_sensor_feels_the_cross_stiffness() -> No
     stiffness = np.arange(36.0).reshape(6, 6)
     # Analytic: force x and moment of the left, displaced by the right.
     np.testing.assert_array_equal(
-        Coupling.of(scenario, 0.3).loops(stiffness)["alone"], [[3.0, 5.0], [15.0, 17.0]]
+        scenario_coupling(scenario, 0.3).loops(stiffness)["single"], [[3.0, 5.0], [15.0, 17.0]]
     )
 
 
 def test_tool_mode_moves_along_the_grip_and_a_wrong_lever_mixes_forces_in() -> None:
     scenario = load_scenario("fig8", ['robot.alter.mode="tool"', "sensor.lever_arm_m=0.10"])
-    coupling = Coupling.of(scenario, 0.5)
+    coupling = scenario_coupling(scenario, 0.5)
     c, s = math.cos(0.5), math.sin(0.5)
     # Analytic: x_G = (cos α, −sin α), and M_read = M + 0.02 (x_G × F)_y.
-    np.testing.assert_allclose(coupling.sent[:, 0], [c, -s, 0.0])
-    np.testing.assert_allclose(coupling.read[1], [-0.02 * s, -0.02 * c, 1.0], rtol=1e-12)
-    frozen = Coupling.of(load_scenario("fig8", ['robot.alter.mode="tool-frozen"']), 0.5)
-    np.testing.assert_allclose(frozen.sent[:, 0], [1.0, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(coupling.deviation_jacobian[:, 0], [c, -s, 0.0])
+    np.testing.assert_allclose(coupling.reading[1], [-0.02 * s, -0.02 * c, 1.0], rtol=1e-12)
+    frozen = scenario_coupling(load_scenario("fig8", ['robot.alter.mode="tool-frozen"']), 0.5)
+    np.testing.assert_allclose(frozen.deviation_jacobian[:, 0], [1.0, 0.0, 0.0], atol=1e-15)
 
 
 def test_a_pose_out_of_reach_is_named() -> None:

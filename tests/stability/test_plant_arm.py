@@ -12,10 +12,10 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.control.servo import JointServo
 from dualbend.scenario.load import load_scenario
-from dualbend.stability.plant.arm import Joints, YieldingArm
+from dualbend.stability.plant.arm import CompliantArm, Joints
 from dualbend.stability.plant.environment import environments
 from dualbend.stability.sampled import LoopElements, SampledLoop
-from dualbend.stability.state_space import Blocks
+from dualbend.stability.state_space import StateSpace
 
 STEPS, SERVO_K, SHEET_K, INERTIA, TOOL = 16, 2000.0, 30.0, 0.2, 0.03
 
@@ -30,7 +30,7 @@ MODEL = f"""
 """
 
 
-def one_joint() -> tuple[YieldingArm, JointServo]:
+def one_joint() -> tuple[CompliantArm, JointServo]:
     """Return one hinge about y that turns the grip by its own angle, on a spring for a sheet."""
     servo = JointServo(
         stiffness=np.array([SERVO_K]),
@@ -50,13 +50,13 @@ def one_joint() -> tuple[YieldingArm, JointServo]:
     )
     sheet, tool = np.diag([0.0, 0.0, SHEET_K]), np.diag([0.0, 0.0, TOOL])
     rows = [0, 2]
-    arm = YieldingArm(
+    arm = CompliantArm(
         joints=joints,
-        sent=np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]),
-        load=sheet,
-        carried=np.zeros((3, 3)),
-        read=sheet[rows],
-        read_mass=tool[rows],
+        deviation_jacobian=np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]]),
+        stiffness=sheet,
+        mass=np.zeros((3, 3)),
+        stiffness_read=sheet[rows],
+        mass_read=tool[rows],
     )
     return arm, servo
 
@@ -64,7 +64,7 @@ def one_joint() -> tuple[YieldingArm, JointServo]:
 @pytest.mark.parametrize("age", [1, 6, STEPS, STEPS + 3])
 def test_the_cycle_is_what_mujoco_steps(age: int) -> None:
     arm, servo = one_joint()
-    response = CommandResponse(CommandResponseConfig(), 1, STEPS)
+    response = CommandResponse(CommandResponseConfig(), 1, STEPS, period_s=COMMAND_PERIOD_S)
     cycle, cycles = arm.cycle(response, age, (False, True))
     model = mujoco.MjModel.from_xml_string(MODEL.replace("DAMPING", str(servo.damping[0])))
     data = mujoco.MjData(model)
@@ -99,7 +99,7 @@ def test_a_stiff_arm_in_small_steps_does_what_the_response_says() -> None:
         )
         elements = LoopElements.from_scenario(scenario)
         (at,) = environments(scenario, [0.3])
-        arm = at.arms["alone"]
+        arm = at.arms["single"]
         joints = replace(
             arm.joints,
             stiffness=1e6 * arm.joints.stiffness,
@@ -108,9 +108,11 @@ def test_a_stiff_arm_in_small_steps_does_what_the_response_says() -> None:
             mass=1e6 * np.diag(arm.joints.feed_forward),
         )
         stiff = replace(arm, joints=joints)
-        inertia = (arm.read_mass @ arm.sent).astype(float)
+        inertia = (arm.mass_read @ arm.deviation_jacobian).astype(float)
         loops = [
-            SampledLoop(elements, arm.read @ arm.sent, (True, True), inertia, mover)
+            SampledLoop(
+                elements, arm.stiffness_read @ arm.deviation_jacobian, (True, True), inertia, mover
+            )
             for mover in (stiff, None)
         ]
         growth.append([loop.mode().growth_per_s for loop in loops])
@@ -120,17 +122,17 @@ def test_a_stiff_arm_in_small_steps_does_what_the_response_says() -> None:
     assert gaps[1] == pytest.approx(gaps[0] / 2.0, rel=0.15)
 
 
-def test_blocks_at_a_frequency_are_their_resolvent() -> None:
+def test_the_frequency_response_is_the_resolvent() -> None:
     rng = np.random.default_rng(3)
     # A defective pole, as the critically damped response and a delay have.
     a = np.triu(rng.normal(size=(5, 5)), 1) + 0.4 * np.eye(5)
-    blocks = Blocks(
+    system = StateSpace(
         a=a, b=rng.normal(size=(5, 2)), c=rng.normal(size=(3, 5)), d=rng.normal(size=(3, 2))
     )
     z_inverse = np.exp(-1j * np.array([0.0, 0.3, 2.0, np.pi]))
-    found = blocks.at(z_inverse)
+    found = system.frequency_response(z_inverse)
     for value, inverse in zip(found, z_inverse, strict=True):
-        expected = blocks.c @ np.linalg.solve(np.eye(5) / inverse - a, blocks.b) + blocks.d
+        expected = system.c @ np.linalg.solve(np.eye(5) / inverse - a, system.b) + system.d
         # Rounding only.
         np.testing.assert_allclose(value, expected, rtol=1e-10)
 
@@ -138,11 +140,13 @@ def test_blocks_at_a_frequency_are_their_resolvent() -> None:
 def test_joints_that_nothing_moves_are_left_to_their_friction() -> None:
     (at,) = environments(load_scenario("fig8"), [0.4])
     # Analytic: in the paper's plane only shoulder, elbow and wrist bend.
-    assert at.arms["alone"].joints.stiffness.tolist() == [3.3e4, 0.57e4, 2.0e3]
+    assert at.arms["single"].joints.stiffness.tolist() == [3.3e4, 0.57e4, 2.0e3]
     (aside,) = environments(load_scenario("fig8", ["cell.base_lateral_m=0.2"]), [0.4])
-    assert len(aside.arms["alone"].joints.stiffness) == 6
-    arm = at.arms["alone"]
+    assert len(aside.arms["single"].joints.stiffness) == 6
+    arm = at.arms["single"]
     # Analytic: the joints' set-points do what is sent, and nothing else in the plane.
     np.testing.assert_allclose(
-        arm.joints.jacobian @ arm.joints.setpoint @ arm.sent, arm.sent, atol=1e-9
+        arm.joints.jacobian @ arm.joints.setpoint @ arm.deviation_jacobian,
+        arm.deviation_jacobian,
+        atol=1e-9,
     )

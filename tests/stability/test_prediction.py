@@ -112,7 +112,7 @@ def test_the_maps_boundary_is_the_loops() -> None:
     for panel, acting in zip(panels, ((True, False), (False, True)), strict=True):
         alpha = next(iter(panel.stiffness))
         (at,) = environments(scenario, [alpha])
-        arm = at.arms["alone"]
+        arm = at.arms["single"]
         for i, j in ((5, 70), (40, 80), (60, 20)):
             margin = float(panel.sampled[alpha][i, j])
             settings = [
@@ -123,8 +123,12 @@ def test_the_maps_boundary_is_the_loops() -> None:
                 load_scenario("fig9", [s.replace("np.float64(", "").rstrip(")") for s in settings])
             )
             # A larger gain of the filter is the same as a larger reading.
-            louder = replace(arm, read=margin * arm.read, read_mass=margin * arm.read_mass)
-            mode = SampledLoop(parts, at.loops["alone"], acting, arm=louder).mode()
+            louder = replace(
+                arm,
+                stiffness_read=margin * arm.stiffness_read,
+                mass_read=margin * arm.mass_read,
+            )
+            mode = SampledLoop(parts, at.loops["single"], acting, arm=louder).mode()
             # Discretisation-limited: the sweep's steps, second order.
             assert mode.spectral_radius == pytest.approx(1.0, abs=3e-5)
         assert panel.b[40] == pytest.approx(panel.gains[0])

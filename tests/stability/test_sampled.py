@@ -21,7 +21,7 @@ from dualbend.control.filters import FirConfig, IirConfig, LowPass, LowPassConfi
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
-from dualbend.stability.margins import Sweep, loop_margins
+from dualbend.stability.margins import loop_margins
 from dualbend.stability.mode import describe_mode
 from dualbend.stability.sampled import LoopElements, SampledLoop
 
@@ -53,10 +53,10 @@ def elements(
         limit_rotation_rad=LIMIT,
     )
     return LoopElements(
-        response=CommandResponse(robot, 1, STEPS),
-        low_pass=LowPass(low_pass or NoFilterConfig(), 1),
+        response=CommandResponse(robot, 1, STEPS, period_s=COMMAND_PERIOD_S),
+        low_pass=LowPass(low_pass or NoFilterConfig(), 1, period_s=COMMAND_PERIOD_S),
         delay=TransportDelay(delay, 1),
-        admittance=Admittance(config),
+        admittance=Admittance(config, period_s=COMMAND_PERIOD_S),
         age_steps=age,
     )
 
@@ -68,19 +68,17 @@ def stream(
     parts: LoopElements, stiffness: Vector, disturbance: Vector, inertia: Vector = NO_TOOL
 ) -> Vector:
     """Run the loop's own objects around a linear spring, with an aged reading of the position."""
-    response = CommandResponse(parts.response.config, 2, STEPS)
-    low_pass = LowPass(parts.low_pass.config, 2)
+    response = CommandResponse(parts.response.config, 2, STEPS, period_s=COMMAND_PERIOD_S)
+    low_pass = LowPass(parts.low_pass.config, 2, period_s=COMMAND_PERIOD_S)
     delay = TransportDelay(parts.delay.cycles, 2)
-    admittance = Admittance(parts.admittance.config)
+    admittance = Admittance(parts.admittance.config, period_s=COMMAND_PERIOD_S)
     positions = [np.zeros(2)] * (1 + parts.age_steps)
     accelerations = list(positions)
     out = []
     for wrench in disturbance:
         at = -1 - parts.age_steps
         reading = wrench - stiffness @ positions[at] - inertia @ accelerations[at]
-        force, moment = low_pass.update(reading)
-        given = admittance.update(force, moment, 1.0)
-        deviation = np.array([given.dx_m, given.dalpha_rad])
+        deviation = admittance.update(low_pass.update(reading), 1.0)
         out.append(deviation)
         reference = response.update(delay.update(deviation))
         positions.extend(reference.position)
@@ -101,7 +99,7 @@ def test_state_space_responds_as_the_streaming_objects_do(
     expected = stream(parts, stiffness, disturbance, inertia)
     # Rounding only.
     np.testing.assert_allclose(
-        SampledLoop(parts, stiffness, inertia=inertia).response(disturbance),
+        SampledLoop(parts, stiffness, inertia=inertia).closed.simulate(disturbance),
         expected,
         rtol=0.0,
         atol=1e-12 * np.abs(expected).max(),
@@ -113,7 +111,7 @@ def test_axis_alone_is_the_diagonal_of_the_stiffness() -> None:
     coupled = np.array([[6.0, 1.5], [2.0, 3.0]])
     disturbance = np.random.default_rng(5).normal(size=(60, 2))
     expected = stream(parts, np.diag(np.diag(coupled)), disturbance)
-    alone = SampledLoop(parts, coupled, (False, True)).response(disturbance[:, 1:])
+    alone = SampledLoop(parts, coupled, (False, True)).closed.simulate(disturbance[:, 1:])
     # Rounding only.
     np.testing.assert_allclose(alone[:, 0], expected[:, 1], rtol=1e-11, atol=1e-15)
 
@@ -190,7 +188,7 @@ def test_gain_margin_is_the_factor_that_puts_an_eigenvalue_on_the_circle(
     parts = elements(delay=2, age=3, low_pass=FirConfig(taps=2))
     stiffness = scale * np.array([[10.0, 4.0], [6.0, 9.0]])
     loop = SampledLoop(parts, stiffness, acting)
-    found = loop_margins(loop, Sweep.of(parts), stable=loop.mode().stable)
+    found = loop_margins(loop, stable=loop.mode().stable)
     assert (found.gain > 1.0) == loop.mode().stable
     mode = SampledLoop(parts, found.gain * stiffness, acting).mode()
     # Discretisation-limited: second order in the sweep's 0.45 % steps.
@@ -204,13 +202,12 @@ def test_delay_margin_is_the_transport_that_the_loop_still_bears(
 ) -> None:
     stiffness = np.array([[14.5, 1.0], [1.0, 9.0]])
     loops = [SampledLoop(elements(delay=d), stiffness, acting) for d in range(12)]
-    parts = elements(delay=0)
-    margin = loop_margins(loops[0], Sweep.of(parts), stable=True)
+    margin = loop_margins(loops[0], stable=True)
     borne = math.floor(margin.delay_s / COMMAND_PERIOD_S)
     # Whole cycles bracket the margin; analytic.
     assert 1 <= borne < 11
     assert [loop.mode().stable for loop in loops[: borne + 2]] == [True] * (borne + 1) + [False]
-    late = loop_margins(loops[borne + 1], Sweep.of(elements(delay=borne + 1)), stable=False)
+    late = loop_margins(loops[borne + 1], stable=False)
     assert -COMMAND_PERIOD_S < late.delay_s < 0.0
     # Every cycle more takes one period off; to the sweep's interpolation.
     assert margin.delay_s - late.delay_s == pytest.approx((borne + 1) * COMMAND_PERIOD_S, rel=1e-4)
@@ -219,8 +216,8 @@ def test_delay_margin_is_the_transport_that_the_loop_still_bears(
 def test_stiffness_of_the_wrong_sign_diverges_without_oscillation() -> None:
     loop = SampledLoop(elements(), np.diag([-2.0 * 6.3, 0.0]), (True, False))
     mode = loop.mode()
-    found = loop_margins(loop, Sweep.of(loop.elements), stable=mode.stable)
-    compliance = loop.filters[0].static_compliance
+    found = loop_margins(loop, stable=mode.stable)
+    compliance = elements().axis("x").static_compliance
     # Analytic: static deviation per deviation is −K c; the boundary is where it is 1.
     assert found.gain == pytest.approx(1.0 / (2.0 * 6.3 * compliance), rel=1e-9)
     assert mode.stable == (found.gain > 1.0)

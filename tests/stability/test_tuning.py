@@ -18,7 +18,7 @@ from dualbend.stability.tuning import (
     Tuning,
     _knobs,
     _turned,
-    least_margin,
+    min_margin,
     write_scenario,
 )
 from dualbend.task.bending.run import BendingRun
@@ -57,7 +57,7 @@ def test_margins_of_the_shipped_scenarios_are_those_required() -> None:
     """Golden: 6 dB and 30 degrees, at the tightest place of the path and at its ends."""
     for name in ("tuned", "tuned-exact"):
         scenario = load_scenario(name)
-        margin = least_margin(scenario, environments(scenario, [0.0, 0.5]))
+        margin = min_margin(scenario, environments(scenario, [0.0, 0.5]))
         assert margin.fulfils(Margin(gain_db=6.0, phase_deg=30.0)), (name, margin)
 
 

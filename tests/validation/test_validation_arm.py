@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.force_torque import ForceTorqueConfig
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.validation.cases import arm as va
@@ -64,7 +65,7 @@ def test_biased_sensor_would_be_seen() -> None:
 @pytest.mark.parametrize(("frequency_hz", "ratio"), [(2.0, 0.995), (3.0, 0.7), (2.5, 1.4)])
 def test_fit_finds_the_response_that_made_the_record(frequency_hz: float, ratio: float) -> None:
     config = CommandResponseConfig(natural_frequency_hz=frequency_hz, damping_ratio=ratio)
-    response = CommandResponse(config, 1, 16)
+    response = CommandResponse(config, 1, 16, period_s=COMMAND_PERIOD_S)
     response.reset([0.3])
     record = [0.3] + [float(response.update(np.array([0.31])).position[-1, 0]) for _ in range(44)]
     omega, found = vc.fit_response(np.array(record), 0.3)

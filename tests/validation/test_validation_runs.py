@@ -28,18 +28,20 @@ def short() -> RunRecord:
     return run("exact", *SHORT)
 
 
-def test_moment_of_the_run_is_the_oracles(fig6: RunRecord) -> None:
+def test_moment_of_the_run_is_the_rods(fig6: RunRecord) -> None:
     rows = list(vr.moment_rows(fig6))
     assert len(rows) == 3
     assert [row.name for row in rows if not row.passed] == []
     grip, edge, _ = rows
-    # The pads stand between gripper and sheet: behind them the oracle fits better.
+    # The pads stand between gripper and sheet: behind them the rod fits better.
     assert edge.error < grip.error
 
 
-def test_oracle_moment_at_the_left_gripper_is_the_one_for_mirrored_poses(fig6: RunRecord) -> None:
+def test_reference_moment_at_the_left_grip_is_the_one_for_mirrored_poses(
+    fig6: RunRecord,
+) -> None:
     rows = np.array([100, 200])
-    moments = vr.oracle_moments(fig6, "edge", rows)
+    moments = vr.reference_moments(fig6, "edge", rows)
     # Discretisation-limited: the strips' 0.3 % of the first peak.
     measured = fig6.trace["left_true_moment_y"][rows]
     np.testing.assert_allclose(moments, measured, atol=0.01 * vr.first_peak(fig6))

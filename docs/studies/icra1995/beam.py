@@ -16,8 +16,8 @@ from dualbend.beam import elastica
 from dualbend.beam.path import PiecewiseLinearPath
 from dualbend.beam.rod import planar as rod
 from dualbend.beam.rod.path_moment import worst_moment
+from dualbend.beam.rod.tangent import sheet_tangent, solve_grips
 from dualbend.beam.sheet import Sheet
-from dualbend.stability.plant.equilibrium import sheet_tangent, solve_grips
 from dualbend.types import Vector
 
 ANGLES_RAD: tuple[float, ...] = (0.05, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2)

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy import signal
 
-from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceAxis,
@@ -17,10 +17,10 @@ from dualbend.control.compliance.admittance import (
     AxisConfig,
 )
 from dualbend.control.delay import TransportDelay
-from dualbend.control.filters import NYQUIST_HZ, FirConfig, IirConfig, LowPass, NoFilterConfig
+from dualbend.control.filters import FirConfig, IirConfig, LowPass, LowPassConfig, NoFilterConfig
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.errors import InputError
-from dualbend.stability.margins import Sweep, loop_margins
+from dualbend.stability.margins import loop_margins
 from dualbend.stability.sampled import LoopElements, SampledLoop
 
 Kind = Literal["fir", "iir"]
@@ -30,8 +30,15 @@ STEPS = 16
 
 def axis(b: float, k: float, form: AdmittanceForm = "printed") -> AdmittanceAxis:
     """Return one admittance filter as the simulation runs it, b and k in units of the user's."""
-    config = AxisConfig(b=b, k=k, form=form)
-    return AdmittanceAxis(config, to_si=1.0, paper_per_si=1.0, limit=math.inf, tare=False)
+    part = admittance(b, k, form).x
+    assert part is not None
+    return part
+
+
+def admittance(b: float, k: float, form: AdmittanceForm = "printed") -> Admittance:
+    """Return the admittance along x alone, without a bound, b and k in units of the user's."""
+    config = AdmittanceConfig(x=AxisConfig(b=b, k=k, form=form), units="si", limit_x_m=math.inf)
+    return Admittance(config, period_s=COMMAND_PERIOD_S)
 
 
 def impulse_error(b: float, k: float) -> float:
@@ -47,8 +54,9 @@ def recursion_error(b: float, k: float, period_s: float) -> float:
     unit = np.zeros(samples)
     unit[0] = 1.0
     transfer = signal.lfilter([1.0 / b], [1.0, -pole], unit)
-    runs = axis(b, k)
-    return float(np.abs(b * (transfer - [runs.update(f) for f in unit.tolist()])).max())
+    runs = admittance(b, k)
+    streamed = [runs.update(np.array([f, 0.0]))[0] for f in unit]
+    return float(np.abs(b * (transfer - streamed)).max())
 
 
 def static_ratio(b: float, k: float, form: AdmittanceForm = "printed") -> float:
@@ -88,9 +96,10 @@ def tracking_lag_s(omega_rad_per_s: float, two_xi_omega: float) -> float:
 
 def low_pass(kind: Kind, size: int, cutoff_hz: float) -> LowPass:
     """Return a filter: ``size`` is the number of FIR taps or the Butterworth order."""
+    config: LowPassConfig = IirConfig(order=size, cutoff_hz=cutoff_hz)
     if kind == "fir":
-        return LowPass(FirConfig(taps=size, cutoff_hz=cutoff_hz), 1)
-    return LowPass(IirConfig(order=size, cutoff_hz=cutoff_hz), 1)
+        config = FirConfig(taps=size, cutoff_hz=cutoff_hz)
+    return LowPass(config, 1, period_s=COMMAND_PERIOD_S)
 
 
 def nyquist_share(cutoff_hz: float) -> float:
@@ -132,14 +141,12 @@ def elements(
     if not ratio > 0.0:
         raise InputError(f"two_xi_omega = {two_xi_omega!r}: must be positive")
     robot = CommandResponseConfig(natural_frequency_hz=natural_frequency_hz, damping_ratio=ratio)
-    none = LowPass(NoFilterConfig(), 1)
+    none = LowPass(NoFilterConfig(), 1, period_s=COMMAND_PERIOD_S)
     return LoopElements(
-        response=CommandResponse(robot, 1, STEPS),
+        response=CommandResponse(robot, 1, STEPS, period_s=COMMAND_PERIOD_S),
         low_pass=low_pass(*filtered) if filtered else none,
         delay=TransportDelay(delay_cycles, 1),
-        admittance=Admittance(
-            AdmittanceConfig(x=AxisConfig(b=b, k=k, form=form), units="si"),
-        ),
+        admittance=admittance(b, k, form),
         age_steps=0,
     )
 
@@ -147,7 +154,7 @@ def elements(
 def largest_stiffness(parts: LoopElements) -> float:
     """Return the largest k_e, in the unit of k, at which the sampled loop is stable."""
     loop = SampledLoop(parts, np.eye(2), (True, False))
-    return loop_margins(loop, Sweep.of(parts), stable=True).gain
+    return loop_margins(loop, stable=True).gain
 
 
 def sampled_stiffness(

@@ -14,11 +14,11 @@ from collections.abc import Callable, Iterator
 import msgspec
 import numpy as np
 
+from dualbend.beam.rod.tangent import solve_grips
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.mode import Mode
 from dualbend.stability.plant.environment import Environment, environments
-from dualbend.stability.plant.equilibrium import solve_grips
 from dualbend.stability.sampled import LoopElements, SampledLoop
 from dualbend.types import Vector
 from icra1995.reading import Reading, readings
@@ -166,7 +166,7 @@ def _worst_mode(reading: Reading, still: Reading, b_factor: float) -> Mode:
     """Return the mode that grows fastest at the angles looked at."""
     parts = LoopElements.from_scenario(reading.scenario(b_factor))
     modes = [
-        SampledLoop(parts, at.loops["alone"], (True, True), at.inertia).mode()
+        SampledLoop(parts, at.loops["single"], (True, True), at.inertia).mode()
         for at in _felt(still, b_factor)
     ]
     return max(modes, key=lambda mode: mode.growth_per_s)

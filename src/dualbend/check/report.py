@@ -87,7 +87,8 @@ def write_markdown(verdicts: Verdicts, path: Path) -> None:
     lines += [*(f"* {escaped(line)}" for line in note_lines(verdicts)), ""]
     lines += ["<details><summary>All values</summary>", "", _table(verdicts.findings).markdown()]
     lines += ["", "</details>", ""]
-    _write(path, "--markdown", "\n".join(lines))
+    with writing(path, "--markdown"):
+        path.write_text("\n".join(lines), encoding="utf-8")
 
 
 def write_junit(verdicts: Verdicts, path: Path) -> None:
@@ -115,7 +116,8 @@ def write_junit(verdicts: Verdicts, path: Path) -> None:
         root.set(key, str(sum(int(suite.get(key, "0")) for suite in root)))
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode", xml_declaration=False)
-    _write(path, "--junit", f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n')
+    with writing(path, "--junit"):
+        path.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n', encoding="utf-8")
 
 
 def _case(suite: ElementTree.Element, finding: Finding) -> None:
@@ -140,8 +142,3 @@ def _cells(finding: Finding) -> tuple[float | str | None, ...]:
         finding.allowed,
         finding.verdict if not finding.failed else finding.verdict.upper(),
     )
-
-
-def _write(path: Path, option: str, text: str) -> None:
-    with writing(path, option):
-        path.write_text(text, encoding="utf-8")

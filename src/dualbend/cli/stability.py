@@ -203,8 +203,8 @@ def tune(
 
     if settings and out is not None:
         raise InputError("--out writes the differences from SCENARIO: put --set into a file")
-    least = Margin(gain_db=gain_margin, phase_deg=phase_margin)
-    found = search(load_scenario(scenario, settings), least=least, seeds=range(1, seeds + 1))
+    required = Margin(gain_db=gain_margin, phase_deg=phase_margin)
+    found = search(load_scenario(scenario, settings), required=required, seeds=range(1, seeds + 1))
     config = found.found.compliance
     for name, axis in (("x", config.x), ("rotation", config.rotation)):
         if axis is not None:
@@ -222,6 +222,6 @@ def tune(
     if out is not None:
         write_scenario(found, scenario, out)
         click.echo(f"{out}: run it with dualbend run {out}")
-    if not found.verified.fulfils(least):
+    if not found.verified.fulfils(required):
         click.echo("dualbend: the margins of the result are below the required ones", err=True)
         sys.exit(EXIT_FAILED_CHECK)

@@ -1,14 +1,13 @@
-"""The 28 ms command clock, the transport delay and the path modification of VAL II's ALTER.
+"""The path modification of VAL II's ALTER: how a deviation of the nominal path is executed."""
 
-Every discrete element of this package runs once per command period and tells its own transfer
-function as ``(numerator, denominator)`` in rising powers of z⁻¹, monic denominator:
-H(z) = (n₀ + n₁ z⁻¹ + …) / (1 + d₁ z⁻¹ + …).
-"""
-
-import math
 from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
+
+from dualbend.errors import InputError
+from dualbend.mechanics.coupling import deviation_angle
+from dualbend.types import PlanarPose, Vector
 
 AlterMode = Literal["world", "tool", "tool-frozen"]
 
@@ -31,31 +30,41 @@ class PlanarPathModification:
     """Add a deviation to a nominal grip pose (x, z, α) in the bending frame B.
 
     The deviation is executed in a frame turned by φ about y_B:
-    x' = x + δx cos φ, z' = z − δx sin φ, α' = α + δα, with φ = 0 in mode "world", φ = α in mode
-    "tool" and φ = α at the start of ALTER in mode "tool-frozen". The last is what VAL II does: it
-    does not update the tool's rotation matrix while moving (Robotics FAQ, section 12).
-    The deviation is not cumulative: it is the whole deviation of this cycle.
+    x' = x + δx cos φ + δz sin φ, z' = z − δx sin φ + δz cos φ, α' = α + δα, with φ = 0 in mode
+    "world", φ = α in mode "tool" and φ = α at the start of ALTER in mode "tool-frozen". The last is
+    what VAL II does: it does not update the tool's rotation matrix while moving (Robotics FAQ,
+    section 12). The deviation is not cumulative: it is the whole deviation of this cycle.
     """
 
     def __init__(self, mode: AlterMode) -> None:
         self.mode: AlterMode = mode
-        self._start_alpha_rad: float | None = None
+        self._start_alpha_rad: Vector | None = None
 
     def reset(self) -> None:
         """End ALTER; the next call of `compose` starts it anew."""
         self._start_alpha_rad = None
 
-    def compose(
-        self, x_m: float, z_m: float, alpha_rad: float, dx_m: float, dalpha_rad: float
-    ) -> tuple[float, float, float]:
-        """Return the commanded (x [m], z [m], α [rad]) in B."""
+    def compose(self, nominal: PlanarPose, deviation: Vector) -> PlanarPose:
+        """Return the commanded pose (..., 3) of a nominal one and a deviation (..., 6).
+
+        Raises
+        ------
+        InputError
+            The deviation has a part out of the bending plane: along y, in roll or in yaw.
+        """
+        if np.count_nonzero(deviation[..., 1::2]):
+            raise InputError(
+                "a deviation along y, in roll or in yaw cannot be executed: the commanded poses "
+                "are in the bending plane; need 0 in components 1, 3 and 5"
+            )
+        planar = deviation[..., ::2]
         if self._start_alpha_rad is None:
-            self._start_alpha_rad = alpha_rad
+            self._start_alpha_rad = nominal.alpha_rad
         if self.mode == "world":
-            return x_m + dx_m, z_m, alpha_rad + dalpha_rad
-        phi = alpha_rad if self.mode == "tool" else self._start_alpha_rad
-        return (
-            x_m + dx_m * math.cos(phi),
-            z_m - dx_m * math.sin(phi),
-            alpha_rad + dalpha_rad,
-        )
+            return PlanarPose(nominal.coordinates + planar)
+        phi = deviation_angle(self.mode, nominal.alpha_rad, self._start_alpha_rad)
+        c, s = np.cos(phi), np.sin(phi)
+        turned = planar.copy()
+        turned[..., 0] = planar[..., 0] * c + planar[..., 1] * s
+        turned[..., 1] = planar[..., 1] * c - planar[..., 0] * s
+        return PlanarPose(nominal.coordinates + turned)

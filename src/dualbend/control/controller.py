@@ -1,99 +1,133 @@
-"""From the wrist wrenches to the path modification of each arm, once a command cycle."""
+"""What a controller is: once per command period from an observation to a deviation of both arms."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import Protocol
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from dualbend.control.alter import PlanarPathModification
-from dualbend.control.compliance.admittance import Compliance
+from dualbend.control.alter import AlterMode, PlanarPathModification
 from dualbend.control.delay import TransportDelay
-from dualbend.control.force_torque import WrenchChain
-from dualbend.control.reading import Reading, horizontal_force, vertical_force
-from dualbend.types import Vector
+from dualbend.control.force_torque import WrenchReading
+from dualbend.types import Mask, PlanarPose, Vector, Wrench
 
 
-@dataclass(frozen=True, kw_only=True)
-class Command:
-    """What the controller made of one cycle; row 0 the left arm, row 1 the right one.
+class Observation(msgspec.Struct, frozen=True, kw_only=True):
+    """What a controller knows at the start of a command cycle, of any leading shape.
 
-    ``deviation`` (2, 2): δx [m], δα [rad] as the admittance gave it. ``pose`` (2, 3): commanded x,
-    z [m], α [rad] in the bending frame, with the deviation that the transport delay let through.
-    ``saturated``: a bound of sensor or deviation was met.
+    Attributes
+    ----------
+    time_s
+        Since the start of the run [s].
+    phase
+        Name of the phase of the motion; an array of names where worlds differ.
+    raw, filtered
+        Wrenches (..., 2, 6) on the left and the right arm about the grip centres, each in its arm's
+        bending frame, before and after the low-pass; NaN for an arm without a sensor.
+    clipped
+        (..., arms with a sensor, 6): axes of a sensor at the end of its range: more acts than read.
+    joints_rad
+        Measured joint angles (..., n) of both arms.
+    measured, nominal
+        Poses (..., 2, 3) of the grips, each in its arm's bending frame: as they are, and as the
+        path has them.
+    """
+
+    time_s: float
+    phase: str | NDArray[np.str_]
+    raw: Wrench
+    filtered: Wrench
+    clipped: Mask
+    joints_rad: Vector
+    measured: PlanarPose
+    nominal: PlanarPose
+
+    @classmethod
+    def of(
+        cls,
+        reading: WrenchReading,
+        *,
+        time_s: float,
+        phase: str | NDArray[np.str_],
+        joints_rad: Vector,
+        measured: PlanarPose,
+        nominal: PlanarPose,
+    ) -> Observation:
+        """Return what a reading tells in the bending frames, turned by the measured slopes."""
+        both = reading.grips.in_bending_frame(measured.alpha_rad)
+        return cls(
+            time_s=time_s,
+            phase=phase,
+            raw=both.part(0),
+            filtered=both.part(1),
+            clipped=reading.clipped,
+            joints_rad=joints_rad,
+            measured=measured,
+            nominal=nominal,
+        )
+
+
+_NEVER: Mask = np.zeros(1, dtype=np.bool_)
+
+
+class Controller(Protocol):
+    """What turns an observation into a deviation of both arms, once per command period.
+
+    A deviation (..., 2, 6) is what is added to the nominal poses of the left and the right arm: x,
+    y, z [m], roll, pitch, yaw [rad] in the arm's bending frame; it is not cumulative. A controller
+    that bounds it may say so in an attribute ``saturated`` (..., any further axes), which a run
+    records.
+    """
+
+    def __call__(self, observation: Observation) -> Vector:
+        """Return the deviation (..., 2, 6) of this cycle."""
+
+
+class Command(msgspec.Struct, frozen=True, kw_only=True):
+    """What is sent in one cycle.
+
+    ``deviation`` (..., 2, 6) as the controller gave it. ``pose`` (..., 2, 3): the commanded poses
+    of the grips in their bending frames, with the deviation that the transport delay let through.
+    ``saturated`` (..., any further axes): the controller met a bound of its own.
     """
 
     deviation: Vector
-    pose: Vector
-    saturated: bool
+    pose: PlanarPose
+    saturated: Mask
 
 
-class ComplianceController:
-    """Wrench chain → admittance → transport delay → path modification, for both arms.
+class ControlledPath:
+    """Controller → transport delay → path modification, of both arms.
 
     Parameters
     ----------
-    chains, admittances
-        By arm index, for the arms that carry a sensor.
-    complying
-        Arm indices; one without a sensor takes the deviation of the first arm with one, mirrored.
-    delay
-        Transport delay of the four deviations.
-    modifications
-        How each arm executes its deviation.
+    controller
+        What decides on the deviations.
+    delay_cycles
+        Transport delay of the deviations [command periods].
+    mode
+        Frame in which they are executed.
+    shape
+        Leading shape.
     """
 
     def __init__(
         self,
+        controller: Controller,
         *,
-        chains: Mapping[int, WrenchChain],
-        admittances: Mapping[int, Compliance],
-        complying: Sequence[int],
-        delay: TransportDelay,
-        modifications: tuple[PlanarPathModification, PlanarPathModification],
+        delay_cycles: int,
+        mode: AlterMode,
+        shape: tuple[int, ...] = (),
     ) -> None:
-        self.chains, self.admittances, self.delay = chains, admittances, delay
-        self._modifications = modifications
-        leader = next(iter(chains))
-        self._source = {i: i if i in chains else leader for i in complying}
+        self.controller = controller
+        self._delay = TransportDelay(delay_cycles, 6, (*shape, 2))
+        self._modification = PlanarPathModification(mode)
 
-    def sense(self, wrench: Vector, rotation: Vector, end_slope: Vector) -> dict[int, Reading]:
-        """Measure the true wrenches (2, 6) on the arms; axes (2, 3, 3), slopes (2,) [rad]."""
-        readings = {}
-        for i, chain in self.chains.items():
-            sample = chain.update(wrench[i, :3], wrench[i, 3:], rotation[i])
-            slope = float(end_slope[i])
-            readings[i] = Reading(
-                sample=sample,
-                force_x_n=horizontal_force(sample.force_grip_n, slope),
-                filtered_force_x_n=horizontal_force(sample.filtered_force_grip_n, slope),
-                filtered_force_z_n=vertical_force(sample.filtered_force_grip_n, slope),
-            )
-        return readings
-
-    def command(
-        self, readings: Mapping[int, Reading], x_m: float, z_m: float, alpha_rad: float
-    ) -> Command:
-        """Modify the nominal grip pose (x, z, α) in the bending frame, the same for both arms."""
-        saturated = False
-        nominal = np.array([x_m, z_m, alpha_rad])
-        given: dict[int, tuple[float, float]] = {}
-        for i, reading in readings.items():
-            out = self.admittances[i].comply(
-                reading.filtered_force_x_n,
-                reading.filtered_force_z_n,
-                reading.filtered_moment_y_nm,
-                nominal,
-            )
-            given[i] = (out.dx_m, out.dalpha_rad)
-            saturated |= out.saturated_x or out.saturated_rotation or reading.sample.saturated
-        deviation = np.zeros((2, 2))
-        for i, source in self._source.items():
-            deviation[i] = given[source]
-        delayed = self.delay.update(deviation.ravel()).tolist()
-        pose = [
-            modification.compose(x_m, z_m, alpha_rad, delayed[2 * i], delayed[2 * i + 1])
-            for i, modification in enumerate(self._modifications)
-        ]
-        return Command(deviation=deviation, pose=np.array(pose), saturated=saturated)
+    def command(self, observation: Observation) -> Command:
+        """Ask the controller and modify the nominal poses."""
+        deviation = self.controller(observation)
+        pose = self._modification.compose(observation.nominal, self._delay.update(deviation))
+        saturated = getattr(self.controller, "saturated", _NEVER)
+        return Command(deviation=deviation, pose=pose, saturated=saturated)

@@ -19,6 +19,8 @@ class TransportDelay:
         Delay d ≥ 0 [command periods].
     size
         Length of the vector.
+    shape
+        Leading shape: vectors are (*shape, size).
 
     Raises
     ------
@@ -26,15 +28,15 @@ class TransportDelay:
         A negative delay or a size below 1.
     """
 
-    def __init__(self, cycles: int, size: int) -> None:
+    def __init__(self, cycles: int, size: int, shape: tuple[int, ...] = ()) -> None:
         if cycles < 0 or size < 1:
             raise InputError(f"cycles = {cycles}, size = {size}: need cycles >= 0 and size >= 1")
         self.cycles = cycles
-        self._held = np.zeros((cycles, size))
+        self._held = np.zeros((cycles, *shape, size))
         self._oldest = 0
 
     def reset(self, value: ArrayLike = 0.0) -> None:
-        """Fill the line with one value, as if it had been sent for ever."""
+        """Fill the line with one vector, as if it had been sent for ever."""
         self._held[:] = value
         self._oldest = 0
 

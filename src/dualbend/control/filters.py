@@ -16,16 +16,16 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
+from dualbend.control.clock import NYQUIST_HZ, TransferFunction
 from dualbend.errors import InputError
 from dualbend.types import Tagged, Vector
-
-NYQUIST_HZ = 0.5 / COMMAND_PERIOD_S
-"""Half the command rate [Hz], 17.857."""
 
 
 class _CutOff(Tagged, frozen=True, kw_only=True):
     """A low-pass filter with a design cut-off.
+
+    Its cut-off is checked against the command rate of the PUMA when a scenario is read; nothing
+    else here takes that rate for granted.
 
     Raises
     ------
@@ -41,7 +41,7 @@ class _CutOff(Tagged, frozen=True, kw_only=True):
         if not self.cutoff_hz < NYQUIST_HZ:
             raise InputError(
                 f"cutoff_hz = {self.cutoff_hz!r}: must be below {NYQUIST_HZ:.3f} Hz, half the "
-                f'command rate of {1.0 / COMMAND_PERIOD_S:.3f} Hz; or set kind = "none"'
+                f'command rate of {2.0 * NYQUIST_HZ:.3f} Hz; or set kind = "none"'
             )
 
 
@@ -68,22 +68,21 @@ LowPassConfig: TypeAlias = FirConfig | IirConfig | NoFilterConfig
 """Which low-pass filter the wrench goes through before the compliance."""
 
 
-def _design(config: LowPassConfig) -> TransferFunction:
-    rate_hz = 1.0 / COMMAND_PERIOD_S
+def _design(config: LowPassConfig, period_s: float) -> TransferFunction:
     if isinstance(config, NoFilterConfig):
         return np.ones(1), np.ones(1)
     if isinstance(config, FirConfig):
-        return _windowed_sinc(config), np.ones(1)
+        return _windowed_sinc(config, period_s), np.ones(1)
     from scipy import signal  # noqa: PLC0415 - 1 s to import; a FIR needs none of it
 
-    numerator, denominator = signal.butter(config.order, config.cutoff_hz, fs=rate_hz)
+    numerator, denominator = signal.butter(config.order, config.cutoff_hz, fs=1.0 / period_s)
     return np.asarray(numerator, dtype=np.float64), np.asarray(denominator, dtype=np.float64)
 
 
-def _windowed_sinc(config: FirConfig) -> Vector:
+def _windowed_sinc(config: FirConfig, period_s: float) -> Vector:
     """Return the taps of `scipy.signal.firwin` (tested), of unit gain at standstill."""
     middle = np.arange(config.taps) - (config.taps - 1) / 2.0
-    taps = np.sinc(2.0 * config.cutoff_hz * COMMAND_PERIOD_S * middle)
+    taps = np.sinc(2.0 * config.cutoff_hz * period_s * middle)
     if config.window == "hamming":
         taps *= np.hamming(config.taps)
     return np.asarray(taps / taps.sum())
@@ -114,24 +113,35 @@ class LowPass:
         The design.
     channels
         Length of the vector that is filtered; 6 for a wrench.
+    period_s
+        Time between two samples [s].
+    shape
+        Leading shape: samples are (*shape, channels).
     """
 
-    def __init__(self, config: LowPassConfig, channels: int = 6) -> None:
-        self.config = config
-        self._numerator, self._denominator = _design(config)
+    def __init__(
+        self,
+        config: LowPassConfig,
+        channels: int = 6,
+        *,
+        period_s: float,
+        shape: tuple[int, ...] = (),
+    ) -> None:
+        self.config, self.period_s = config, period_s
+        self._numerator, self._denominator = _design(config, period_s)
         self._step, self._steady = _transposed_form(self._numerator, self._denominator)
-        self._signal = np.zeros((self._step.shape[0], channels))
+        self._signal = np.zeros((*shape, self._step.shape[0], channels))
 
     def reset(self, value: ArrayLike = 0.0) -> None:
         """Set the memory to the steady state of a constant input, so that no transient starts."""
-        self._signal[0] = value
-        self._signal[1:] = self._steady[:, np.newaxis] * self._signal[0]
+        self._signal[..., 0, :] = value
+        self._signal[..., 1:, :] = self._steady[:, np.newaxis] * self._signal[..., :1, :]
 
     def update(self, value: Vector) -> Vector:
-        """Take one sample (channels,) and return the filtered one, in the same unit."""
-        self._signal[0] = value
+        """Take one sample (..., channels) and return the filtered one, in the same unit."""
+        self._signal[..., 0, :] = value
         self._signal = self._step @ self._signal
-        filtered: Vector = self._signal[0].copy()
+        filtered: Vector = self._signal[..., 0, :].copy()
         return filtered
 
     def transfer_function(self) -> TransferFunction:
@@ -140,20 +150,20 @@ class LowPass:
 
     def gain(self, frequency_hz: float) -> float:
         """Return |H| at a frequency [Hz]."""
-        z = np.exp(-2j * math.pi * frequency_hz * COMMAND_PERIOD_S)
+        z = np.exp(-2j * math.pi * frequency_hz * self.period_s)
         numerator, denominator = self._numerator, self._denominator
         return float(abs(np.polyval(numerator[::-1], z) / np.polyval(denominator[::-1], z)))
 
     def group_delay_s(self, frequency_hz: float) -> float:
         """Return the group delay −dφ/dω [s] at a frequency [Hz]."""
-        z = np.exp(-2j * math.pi * frequency_hz * COMMAND_PERIOD_S)
+        z = np.exp(-2j * math.pi * frequency_hz * self.period_s)
 
         def samples(polynomial: Vector) -> float:
             # −d arg P/dω of P = Σ p_n z⁻ⁿ is Re(Σ n p_n z⁻ⁿ / P).
             rising = polynomial * z ** np.arange(polynomial.size)
             return float((rising @ np.arange(polynomial.size) / rising.sum()).real)
 
-        return (samples(self._numerator) - samples(self._denominator)) * COMMAND_PERIOD_S
+        return (samples(self._numerator) - samples(self._denominator)) * self.period_s
 
     @property
     def minus_3db_hz(self) -> float | None:
@@ -163,7 +173,7 @@ class LowPass:
         def excess(frequency_hz: float) -> float:
             return self.gain(frequency_hz) - math.sqrt(0.5)
 
-        grid = np.linspace(0.0, NYQUIST_HZ, 513)
+        grid = np.linspace(0.0, 0.5 / self.period_s, 513)
         for low, high in pairwise(grid.tolist()):
             if excess(high) <= 0.0:
                 return float(optimize.brentq(excess, low, high, xtol=1e-10))

@@ -1,10 +1,12 @@
 """From the true wrench at the wrist sensor to the wrench at the grip centre.
 
 Sign: every wrench is the one that tool and sheet exert on the arm. Frames: S of the sensor, G of
-the grip (origin at the gripper centre, x_G into the sheet), W of the world.
+the grip (origin at the gripper centre, x_G into the sheet), W of the world. Everything works on one
+sensor, (), and on any leading shape of them alike.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
@@ -14,7 +16,7 @@ from numpy.typing import ArrayLike
 from dualbend.control.clock import TransferFunction
 from dualbend.control.filters import LowPass
 from dualbend.errors import InputError
-from dualbend.types import Vector
+from dualbend.types import Mask, Vector, Wrench, matvec
 
 _Noise = msgspec.Meta(ge=0, description="standard deviation per axis and sample; 0: none")
 _Count = msgspec.Meta(ge=0, description="one count; 0: not rounded")
@@ -45,7 +47,7 @@ class ForceTorqueConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     force_resolution_n: Annotated[float, _Count] = 0.05
     torque_resolution_nm: Annotated[float, _Count] = 0.003
     latency_ms: Annotated[
-        float, msgspec.Meta(ge=0, le=1000, description="age of a reading (serial record) [ms]")
+        float, msgspec.Meta(ge=0, le=1000, description="sensor latency (serial record) [ms]")
     ] = 0.0
     lever_arm_m: Annotated[
         float,
@@ -69,36 +71,23 @@ class ForceTorqueConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
         return math.floor(self.latency_ms * 1e-3 / step_s + 0.5)
 
 
-def skew(vector: ArrayLike) -> Vector:
-    """Return the matrix (3, 3) of the cross product: skew(r) F = r × F."""
-    x, y, z = np.asarray(vector, dtype=np.float64)
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+def noise_streams(
+    rng: np.random.Generator | Sequence[np.random.Generator], shape: tuple[int, ...]
+) -> list[np.random.Generator]:
+    """Return one source of noise for each world, in C order of the leading shape.
 
-
-def move_moment(force: Vector, torque: Vector, lever: Vector) -> Vector:
-    """Move a moment from the sensor to the grip centre: M_grip = M_sensor − r × F (Fig. 7).
-
-    Parameters
-    ----------
-    force, torque
-        Force (3,) [N] and moment about the sensor's origin (3,) [N m], in one frame.
-    lever
-        r (3,) [m]: from the sensor's origin to the grip centre, in the same frame.
-
-    Returns
-    -------
-    Vector
-        Moment about the grip centre (3,) [N m].
+    Raises
+    ------
+    InputError
+        There are not as many sources as worlds.
     """
-    return torque - skew(lever) @ force
-
-
-class SensorReading(msgspec.Struct, frozen=True, kw_only=True):
-    """Force [N] and torque [N m] about the sensor's origin, in S; `saturated` if any axis is."""
-
-    force_sensor_n: Vector
-    torque_sensor_nm: Vector
-    saturated: bool
+    streams = [rng] if isinstance(rng, np.random.Generator) else list(rng)
+    if len(streams) != math.prod(shape):
+        raise InputError(
+            f"rng: {len(streams)} sources of noise for a leading shape {shape}: "
+            f"need {math.prod(shape)}, one for each world"
+        )
+    return streams
 
 
 class Sensor:
@@ -109,46 +98,68 @@ class Sensor:
     config
         Errors and limits. Full scale is the range rounded down to whole counts.
     rng
-        Source of the noise; not drawn from when both noises are 0.
+        Source of the noise; with a leading shape one for each sensor, in C order: its noise does
+        not depend on the others'. Not drawn from when both noises are 0.
+    shape
+        Leading shape.
+
+    Raises
+    ------
+    InputError
+        There are not as many sources of noise as sensors.
     """
 
-    def __init__(self, config: ForceTorqueConfig, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        config: ForceTorqueConfig,
+        rng: np.random.Generator | Sequence[np.random.Generator],
+        shape: tuple[int, ...] = (),
+    ) -> None:
         self.config = config
-        self._rng = rng
-        self._bias = np.array([*config.force_bias_n, *config.torque_bias_nm])
-        self._noise = np.repeat([config.force_noise_n, config.torque_noise_nm], 3)
-        self._noisy = bool(self._noise.any())
+        streams = [rng] if isinstance(rng, np.random.Generator) else rng
+        if len(streams) != math.prod(shape):
+            raise InputError(
+                f"rng: {len(streams)} sources of noise for sensors of the leading shape {shape}: "
+                f"need {math.prod(shape)}, one for each"
+            )
+        whole = (*shape, 6)
+        self._bias = np.broadcast_to([*config.force_bias_n, *config.torque_bias_nm], whole).copy()
+        self._scale = _each((config.force_noise_n, config.torque_noise_nm), whole)
+        self._noise = np.zeros(whole)
+        rows = self._noise.reshape(-1, 6)
+        self._streams = list(zip(streams, rows, strict=True)) if self._scale.any() else []
         counts = (config.force_resolution_n, config.torque_resolution_nm)
         ranges = (config.force_range_n, config.torque_range_nm)
         full = [
             math.floor(r / c + 1e-9) * c if c else r for r, c in zip(ranges, counts, strict=True)
         ]
-        self._highest = np.repeat(full, 3)
+        self._highest = _each(full, whole)
         self._lowest = -self._highest
         # Channels that have counts: all, the forces, the torques or none.
         self._rounded = slice(0 if counts[0] else 3, 6 if counts[1] else 3)
-        self._count = np.repeat(counts, 3)[self._rounded]
+        self._count = _each(counts, whole)[..., self._rounded]
 
-    def read(self, force: Vector, torque: Vector) -> SensorReading:
-        """Return the reading of a true force (3,) [N] and torque (3,) [N m], both in S."""
-        wrench, saturated = self.measure(force, torque)
-        return SensorReading(
-            force_sensor_n=wrench[:3], torque_sensor_nm=wrench[3:], saturated=saturated
-        )
-
-    def measure(self, force: Vector, torque: Vector) -> tuple[Vector, bool]:
-        """Return the reading (6,) [N, N m] of a true wrench in S, and whether it was clipped."""
-        wrench = np.concatenate((force, torque))
-        wrench += self._bias
-        if self._noisy:
-            wrench += self._noise * self._rng.standard_normal(6)
-        clipped = np.minimum(np.maximum(wrench, self._lowest), self._highest)
-        # Six floats compare faster as lists than as arrays.
-        saturated = clipped.tolist() != wrench.tolist()
-        part = clipped[self._rounded]
+    def read(self, wrench: Vector) -> tuple[Vector, Mask]:
+        """Return the reading of a true wrench in S [N, N m] and where it is clipped (..., 6)."""
+        wrench = wrench + self._bias
+        if self._streams:
+            for stream, row in self._streams:
+                stream.standard_normal(out=row)
+            wrench += self._scale * self._noise
+        reading = np.minimum(np.maximum(wrench, self._lowest), self._highest)
+        clipped = reading != wrench
+        part = reading[..., self._rounded]
         np.rint(part / self._count, out=part)
         part *= self._count
-        return clipped, saturated
+        return reading, clipped
+
+
+def _each(pair: Sequence[float], shape: tuple[int, ...]) -> Vector:
+    """Return one number for the forces and one for the torques as an array (..., 6).
+
+    Of a reading's own shape: that is cheaper, every cycle, than to broadcast.
+    """
+    return np.broadcast_to(np.repeat(pair, 3), shape).copy()
 
 
 class ToolGravityCompensation:
@@ -160,49 +171,52 @@ class ToolGravityCompensation:
     Parameters
     ----------
     mass_kg
-        Mass m of the tool [kg].
+        Mass m of the tools (...) [kg].
     com_sensor_m
-        Centre of mass c (3,) in S [m].
+        Centres of mass c (..., 3) in S [m].
     gravity_m_s2
         g [m/s²].
     """
 
-    def __init__(self, mass_kg: float, com_sensor_m: ArrayLike, gravity_m_s2: float = 9.81) -> None:
-        weight = mass_kg * gravity_m_s2
-        self._weight_per_vertical = -weight * np.vstack([np.eye(3), skew(com_sensor_m)])
+    def __init__(
+        self, mass_kg: ArrayLike, com_sensor_m: ArrayLike, gravity_m_s2: float = 9.81
+    ) -> None:
+        down = np.multiply.outer(-np.asarray(mass_kg) * gravity_m_s2, np.eye(3))
+        moment = np.cross(np.asarray(com_sensor_m)[..., np.newaxis, :], down)
+        weights = Wrench.of(down, moment, "sensor", "sensor").components
+        self._weight_per_vertical = np.swapaxes(weights, -1, -2).copy()
 
     def wrench(self, rotation_world_sensor: Vector) -> Vector:
-        """Return the tool's weight (6,) in S, force [N] then torque [N m], from R_WS (3, 3)."""
+        """Return the tools' weight (..., 6) [N, N m] in S, from R_WS (..., 3, 3)."""
         # The last row of R_WS is the upward vertical in sensor axes.
-        weight: Vector = self._weight_per_vertical @ rotation_world_sensor[2]
-        return weight
-
-    def compensate(
-        self, force: Vector, torque: Vector, rotation_world_sensor: Vector
-    ) -> tuple[Vector, Vector]:
-        """Return force (3,) [N] and torque (3,) [N m] in S without the tool's weight."""
-        weight = self.wrench(rotation_world_sensor)
-        return force - weight[:3], torque - weight[3:]
+        return matvec(self._weight_per_vertical, rotation_world_sensor[..., 2, :])
 
 
-class WrenchSample(msgspec.Struct, frozen=True, kw_only=True):
-    """One cycle of a wrench chain; forces (3,) [N], torques (3,) [N m].
+class WrenchReading(msgspec.Struct, frozen=True, kw_only=True):
+    """One cycle's readings of wrist sensors, of any leading shape.
 
-    `*_sensor_*`: as read, about the sensor's origin, in S. `*_grip_*`: without the tool's weight,
-    about the grip centre, in G. `filtered_*`: the same after the low-pass.
+    ``sensor`` (..., 6): as read, about the sensor's origin, in S. ``grips`` (2, ..., 6): without
+    the tool's weight, about the grip centre, in G, before and after the low-pass. ``clipped``
+    (..., 6): axes at the end of the sensor's range.
     """
 
-    force_sensor_n: Vector
-    torque_sensor_nm: Vector
-    force_grip_n: Vector
-    torque_grip_nm: Vector
-    filtered_force_grip_n: Vector
-    filtered_torque_grip_nm: Vector
-    saturated: bool
+    sensor: Wrench
+    grips: Wrench
+    clipped: Mask
+
+    @property
+    def raw(self) -> Wrench:
+        """Wrench (..., 6) at the grip centre, in G, before the low-pass."""
+        return self.grips.part(0)
+
+    @property
+    def filtered(self) -> Wrench:
+        """Wrench (..., 6) at the grip centre, in G, after the low-pass."""
+        return self.grips.part(1)
 
 
 class WrenchChain:
-    """Sensor, tool compensation, move to the grip centre and low-pass, of one arm.
+    """Sensor, tool compensation, move to the grip centre and low-pass.
 
     F_G = R_GS (F_S − F_tool), M_G = R_GS (M_S − M_tool − r × (F_S − F_tool)), with r the lever arm
     along the approach axis.
@@ -210,7 +224,7 @@ class WrenchChain:
     Parameters
     ----------
     sensor, tool, low_pass
-        The elements; the low-pass has six channels.
+        The elements, of one leading shape; the low-pass has six channels.
     rotation_grip_sensor
         R_GS (3, 3): takes components in S to components in G.
     approach_axis_grip
@@ -238,32 +252,28 @@ class WrenchChain:
         ):
             raise InputError(f"rotation_grip_sensor: need a (3, 3) rotation, got {rotation!r}")
         self.sensor, self.tool, self.low_pass = sensor, tool, low_pass
-        lever_grip = sensor.config.lever_arm_m * np.asarray(approach_axis_grip, dtype=np.float64)
-        self._to_grip = np.zeros((6, 6))
-        self._to_grip[:3, :3] = self._to_grip[3:, 3:] = rotation
-        self._to_grip[3:, :3] = -skew(lever_grip) @ rotation
+        lever = sensor.config.lever_arm_m * np.asarray(approach_axis_grip, dtype=np.float64)
+        units = Wrench(np.eye(6), "sensor", "sensor").turned(rotation, "grip").moved(lever, "grip")
+        self._to_grip = units.components.T.copy()
         self._primed = False
 
     def reset(self) -> None:
         """Forget the past: the next reading is taken as the low-pass's steady state."""
         self._primed = False
 
-    def update(self, force: Vector, torque: Vector, rotation_world_sensor: Vector) -> WrenchSample:
-        """Process the true force (3,) [N] and torque (3,) [N m] in S, with R_WS (3, 3)."""
-        raw, saturated = self.sensor.measure(force, torque)
-        grip = self._to_grip @ (raw - self.tool.wrench(rotation_world_sensor))
+    def update(self, wrench: Vector, rotation_world_sensor: Vector) -> WrenchReading:
+        """Process the true force [N] and torque [N m] (..., 6) in S, with R_WS (..., 3, 3)."""
+        reading, clipped = self.sensor.read(wrench)
+        grips = np.empty((2, *reading.shape))
+        grips[0] = matvec(self._to_grip, reading - self.tool.wrench(rotation_world_sensor))
         if not self._primed:
-            self.low_pass.reset(grip)
+            self.low_pass.reset(grips[0])
             self._primed = True
-        filtered = self.low_pass.update(grip)
-        return WrenchSample(
-            force_sensor_n=raw[:3],
-            torque_sensor_nm=raw[3:],
-            force_grip_n=grip[:3],
-            torque_grip_nm=grip[3:],
-            filtered_force_grip_n=filtered[:3],
-            filtered_torque_grip_nm=filtered[3:],
-            saturated=saturated,
+        grips[1] = self.low_pass.update(grips[0])
+        return WrenchReading(
+            sensor=Wrench(reading, "sensor", "sensor"),
+            grips=Wrench(grips, "grip", "grip"),
+            clipped=clipped,
         )
 
     def transfer_function(self) -> TransferFunction:

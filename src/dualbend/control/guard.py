@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from dualbend.types import Vector
+from dualbend.types import Mask, Vector
 
 
 class GuardConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -30,10 +30,10 @@ class ProtectiveStop(Exception):  # noqa: N818 - an event of the robot, not an e
 
 
 class Guard:
-    """Checks, once a command cycle, what a robot controller checks.
+    """Checks, once per command period, what a robot controller checks.
 
     All over the n joints of both arms: their names, range (n, 2) [rad], torque limit [N m] and
-    speed limit [rad/s], of which the configured fraction is allowed.
+    speed limit [rad/s], of which the configured fraction is allowed. ``shape``: leading shape.
     """
 
     def __init__(
@@ -43,39 +43,47 @@ class Guard:
         joint_range: Vector,
         torque_limit: Vector,
         speed_limit: Vector,
+        shape: tuple[int, ...] = (),
     ) -> None:
         self._config, self._joints = config, joints
         self._low, self._high = joint_range.T
         self._torque_limit = torque_limit * (1.0 - 1e-6)
         self._speed_limit = config.speed_fraction * speed_limit
-        self._cycles_at_limit = np.zeros(len(joints), dtype=np.int_)
+        self._cycles_at_limit = np.zeros((*shape, len(joints)), dtype=np.int_)
+
+    def outside(self, q: Vector, speed: Vector, torque: Vector, reference: Vector) -> Mask:
+        """Tell which joints (..., n) are outside what the controller allows; call once a cycle.
+
+        Returns
+        -------
+        Mask
+            (4, ..., n): by following error, speed, cycles in a row at the torque limit, range.
+        """
+        self._cycles_at_limit += 1
+        self._cycles_at_limit *= np.abs(torque) >= self._torque_limit
+        outside = np.empty((4, *q.shape), dtype=np.bool_)
+        np.greater(np.abs(q - reference), self._config.following_error_rad, out=outside[0])
+        np.greater(np.abs(speed), self._speed_limit, out=outside[1])
+        np.greater_equal(self._cycles_at_limit, self._config.torque_cycles, out=outside[2])
+        np.logical_or(q <= self._low, q >= self._high, out=outside[3])
+        return outside
 
     def check(self, q: Vector, speed: Vector, torque: Vector, reference: Vector) -> None:
-        """Raise ProtectiveStop where a joint (n,) is outside what the controller allows."""
-        error = q - reference
-        checks = (
-            (np.abs(error), self._config.following_error_rad, "following error", "rad"),
-            (np.abs(speed), self._speed_limit, "speed", "rad/s"),
+        """Raise ProtectiveStop where a joint (n,) of a single robot cell is :meth:`outside`."""
+        outside = self.outside(q, speed, torque, reference)
+        if not np.count_nonzero(outside):
+            return
+        error, speed = np.abs(q - reference), np.abs(speed)
+        kind = int(np.argmax(outside.any(axis=1)))
+        measures = (error, speed / self._speed_limit, self._cycles_at_limit, outside[3])
+        i = int(np.argmax(measures[kind]))
+        name, allowed = self._joints[i], self._config.following_error_rad
+        raise ProtectiveStop(
+            (
+                f"following error of {name} is {error[i]:.4g} rad, above {allowed:.4g}",
+                f"speed of {name} is {speed[i]:.4g} rad/s, above {self._speed_limit[i]:.4g}",
+                f"{name} is at its torque limit of {self._torque_limit[i]:.1f} N m "
+                f"for {self._cycles_at_limit[i]} cycles",
+                f"{name} is at its range's end, {np.degrees(q[i]):.1f} degrees",
+            )[kind]
         )
-        for value, limit, name, unit in checks:
-            over = value > limit
-            if over.any():
-                i = int(np.argmax(value / limit))
-                allowed = float(np.broadcast_to(limit, value.shape)[i])
-                raise ProtectiveStop(
-                    f"{name} of {self._joints[i]} is {value[i]:.4g} {unit}, above {allowed:.4g}"
-                )
-        at_limit = np.abs(torque) >= self._torque_limit
-        self._cycles_at_limit = np.where(at_limit, self._cycles_at_limit + 1, 0)
-        if (self._cycles_at_limit >= self._config.torque_cycles).any():
-            i = int(np.argmax(self._cycles_at_limit))
-            raise ProtectiveStop(
-                f"{self._joints[i]} is at its torque limit of {self._torque_limit[i]:.1f} N m "
-                f"for {self._cycles_at_limit[i]} cycles"
-            )
-        outside = (q <= self._low) | (q >= self._high)
-        if outside.any():
-            i = int(np.argmax(outside))
-            raise ProtectiveStop(
-                f"{self._joints[i]} is at its range's end, {np.degrees(q[i]):.1f} degrees"
-            )

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
+from dualbend.control.clock import TransferFunction
 from dualbend.errors import InputError
 from dualbend.types import Vector
 
@@ -30,7 +30,7 @@ class CommandResponseConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_un
 
 
 class CommandReference(msgspec.Struct, frozen=True, kw_only=True):
-    """Reference at the end of each physics step of a cycle, each (steps, joints).
+    """Reference at the end of each physics step of a cycle, each (..., steps, joints).
 
     Position [rad], velocity [rad/s] and acceleration [rad/s²]; the last row is the cycle's end.
     """
@@ -41,7 +41,10 @@ class CommandReference(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def _ramp_solution(omega: float, ratio: float, times_s: Vector) -> Vector:
-    """Return (3, times, 4): y, y', y'' at each time per unit of (y₀, y'₀, u_prev, u_next)."""
+    """Return (3, times, 4): y, y', y'' at each time per unit of (y₀, y'₀, u_prev, u_next).
+
+    The last time is the end of the ramp.
+    """
     # Van Loan: the ramp's value and slope are states too, so one exponential solves it all.
     augmented = np.array(
         [
@@ -52,7 +55,7 @@ def _ramp_solution(omega: float, ratio: float, times_s: Vector) -> Vector:
         ]
     )
     from_setpoints = np.eye(4)
-    from_setpoints[3] = [0.0, 0.0, -1.0 / COMMAND_PERIOD_S, 1.0 / COMMAND_PERIOD_S]
+    from_setpoints[3] = [0.0, 0.0, -1.0 / times_s[-1], 1.0 / times_s[-1]]
     solution = linalg.expm(augmented * times_s[:, np.newaxis, np.newaxis]) @ from_setpoints
     return np.stack([solution[:, 0], solution[:, 1], augmented[1] @ solution])
 
@@ -71,6 +74,10 @@ class CommandResponse:
         Number n of joints.
     steps
         Number m of physics steps in a cycle, see `dualbend.control.clock.steps_per_cycle`.
+    period_s
+        Command period T [s].
+    shape
+        Leading shape: set-points are (*shape, joints).
 
     Raises
     ------
@@ -78,42 +85,52 @@ class CommandResponse:
         No joint or no step.
     """
 
-    def __init__(self, config: CommandResponseConfig, joints: int, steps: int) -> None:
+    def __init__(
+        self,
+        config: CommandResponseConfig,
+        joints: int,
+        steps: int,
+        *,
+        period_s: float,
+        shape: tuple[int, ...] = (),
+    ) -> None:
         if joints < 1 or steps < 1:
             raise InputError(f"joints = {joints}, steps = {steps}: need at least 1 of both")
         self.config = config
-        self.joints, self.steps = joints, steps
-        times_s = COMMAND_PERIOD_S * np.arange(1, steps + 1) / steps
+        self.joints, self.steps, self.period_s = joints, steps, period_s
+        times_s = period_s * np.arange(1, steps + 1) / steps
         omega = 2.0 * math.pi * config.natural_frequency_hz
         self._matrix = _ramp_solution(omega, config.damping_ratio, times_s).reshape(3 * steps, 4)
-        self._state = np.zeros((4, joints))
+        self._state = np.zeros((*shape, 4, joints))
 
     @property
     def position(self) -> Vector:
-        """Reference position at the end of the last cycle (joints,) [rad]."""
-        position: Vector = self._state[0].copy()
+        """Reference position at the end of the last cycle (..., joints) [rad]."""
+        position: Vector = self._state[..., 0, :].copy()
         return position
 
     @property
     def velocity(self) -> Vector:
-        """Reference velocity at the end of the last cycle (joints,) [rad/s]."""
-        velocity: Vector = self._state[1].copy()
+        """Reference velocity at the end of the last cycle (..., joints) [rad/s]."""
+        velocity: Vector = self._state[..., 1, :].copy()
         return velocity
 
     def reset(self, position: ArrayLike = 0.0) -> None:
-        """Rest at a position (joints,) [rad] that is also the last set-point."""
-        self._state[:] = position
-        self._state[1] = 0.0
+        """Rest at a position (..., joints) [rad] that is also the last set-point."""
+        self._state[..., 0, :] = self._state[..., 2, :] = position
+        self._state[..., 1, :] = 0.0
 
     def update(self, setpoint: Vector) -> CommandReference:
-        """Run one cycle towards a set-point (joints,) [rad], reached by the ramp at its end."""
+        """Run one cycle towards a set-point (..., joints) [rad], reached by the ramp at its end."""
         state, steps = self._state, self.steps
-        state[3] = setpoint
+        state[..., 3, :] = setpoint
         reference = self._matrix @ state
-        position, velocity = reference[:steps], reference[steps : 2 * steps]
-        state[0], state[1], state[2] = position[-1], velocity[-1], setpoint
+        state[..., :2, :] = reference[..., steps - 1 : 2 * steps : steps, :]
+        state[..., 2, :] = setpoint
         return CommandReference(
-            position=position, velocity=velocity, acceleration=reference[2 * steps :]
+            position=reference[..., :steps, :],
+            velocity=reference[..., steps : 2 * steps, :],
+            acceleration=reference[..., 2 * steps :, :],
         )
 
     def state_space(self) -> tuple[Vector, Vector, Vector, Vector]:

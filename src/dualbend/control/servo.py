@@ -2,7 +2,7 @@
 
 How a command is tracked is said in :mod:`dualbend.control.response`; this servo follows
 that response. They are two settings because a proportional servo soft enough to answer at 2 Hz
-would give way by millimetres under a sheet, and the real arm does not.
+would yield by millimetres under a sheet, and the real arm does not.
 """
 
 from __future__ import annotations

@@ -30,9 +30,10 @@ def peak_places(result: RunRecord, metrics: dict[str, Metric]) -> dict[str, list
     signals: dict[str, Vector] = result.task.part("peaks")(result)
     places = {}
     for name, signal in signals.items():
-        value = metrics[name].value
-        values = value if isinstance(value, list) else [value]
-        places[name] = [_place(result, signal, item) for item in values]
+        if name in metrics:
+            value = metrics[name].value
+            values = value if isinstance(value, list) else [value]
+            places[name] = [_place(result, signal, item) for item in values]
     return places
 
 

@@ -1,4 +1,4 @@
-"""The rod oracle between the grips that a trace recorded, of a run in memory or of a saved one."""
+"""The elastic rod between the grips that a trace recorded: the reference solution of a run."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def recorded_rods(
     )
 
 
-def oracle_moments(result: RunRecord, place: Place, rows: NDArray[np.int_]) -> Vector:
-    """Return the oracle's moment on the left gripper at recorded poses (rows,) [N m]; NaN unsolved.
+def reference_moments(result: RunRecord, place: Place, rows: NDArray[np.int_]) -> Vector:
+    """Return the rod's moment on the left gripper at recorded poses (rows,) [N m]; NaN unsolved.
 
     ``place`` is "grip" (the arms') or "edge" (the sheet's, behind the pads). The rod has the
     sheet's weight and axial stiffness.

@@ -47,7 +47,7 @@ class SheetReport(msgspec.Struct, frozen=True, kw_only=True):
     exceeds : the second is above the first
     yields : it yields there; else it breaks
     plastic : the simulated sheet yields and springs back
-    theory : what the elastic theory (oracle, elastica) says of this run
+    theory : what the elastic theory (rod, elastica) says of this run
     """
 
     material: str
@@ -151,7 +151,7 @@ def sheet_warning(report: SheetReport) -> str:
     return f"{text}; it is simulated as if it did not"
 
 
-def no_oracle(scenario: Scenario) -> str:
+def no_theory(scenario: Scenario) -> str:
     """Return why the elastic theory predicts no moment of a scenario, "" where it does."""
     if not scenario.sheet.plastic:
         return ""
@@ -163,7 +163,7 @@ def no_oracle(scenario: Scenario) -> str:
 
 def _theory(*, exceeds: bool, plastic: bool) -> str:
     if exceeds and plastic:
-        return "does not apply: the elastica and the oracle know no yield, and the sheet yields"
+        return "does not apply: the elastica and the rod know no yield, and the sheet yields"
     if exceeds:
         return "does not apply to the real sheet, which would not stay elastic; simulated elastic"
     return "applies"

@@ -1,1 +1,1 @@
-"""Linear mechanics of arms and tools: end-point stiffness, elements in series, tool inertia."""
+"""Linear mechanics of two arms with tools: end-point compliance, series, tool inertia, coupling."""

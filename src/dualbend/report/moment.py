@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dualbend.beam.rod import planar as rod
 from dualbend.evaluation.recorded_rod import recorded_rods
-from dualbend.evaluation.sheet import no_oracle
+from dualbend.evaluation.sheet import no_theory
 from dualbend.report.plot import Axis, Colour, Curve, Plot
 from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
@@ -57,7 +57,7 @@ def recorded_moments(run: RunRecord, rows: Rows | NDArray[np.bool_]) -> list[Cur
 
 def moment_curves(run: RunRecord) -> list[Curve]:
     """Return the recorded moments and, unless the sheet may yield, the reference solution's."""
-    predicted = [] if no_oracle(run.scenario) else [reference_on_path(run.scenario)]
+    predicted = [] if no_theory(run.scenario) else [reference_on_path(run.scenario)]
     return [*recorded_moments(run, bending_rows(run)), *predicted]
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from dualbend.errors import writing
-from dualbend.evaluation.sheet import no_oracle
+from dualbend.evaluation.sheet import no_theory
 from dualbend.report.bokeh import library, plots_data
 from dualbend.report.moment import (
     ANGLE,
@@ -143,7 +143,7 @@ def _moments(bent: Sequence[tuple[RunRecord, str]]) -> Section:
         "Moment at the sensing gripper over the bending angle, all on one scale; zooming one "
         "zooms all. The reference solution does not comply: it is the moment on the nominal path. "
         + " ".join(
-            f"{name}: {without}" for run, name in bent if (without := no_oracle(run.scenario))
+            f"{name}: {without}" for run, name in bent if (without := no_theory(run.scenario))
         )
     )
     return Section("Moment over bending angle", [words, Panels(figures)])

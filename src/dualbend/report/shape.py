@@ -9,7 +9,7 @@ import numpy as np
 from dualbend.beam import elastica
 from dualbend.beam.rod.planar import RodState
 from dualbend.evaluation.recorded_rod import recorded_rods
-from dualbend.evaluation.sheet import no_oracle
+from dualbend.evaluation.sheet import no_theory
 from dualbend.report.moment import bending_rows
 from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
@@ -72,7 +72,7 @@ def shapes(run: RunRecord) -> list[Shape]:
     wanted = alpha.max() * np.arange(1, SHAPES + 1) / SHAPES
     at = np.minimum(np.searchsorted(alpha, wanted - 1e-9), rows.size - 1)
     chosen = rows[np.unique(at)]
-    if no_oracle(run.scenario):
+    if no_theory(run.scenario):
         return [_shape(run, row, None) for row in chosen.tolist()]
     states = recorded_rods(run, run.scenario.sheet.sheet(), "edge", chosen)
     return [_shape(run, row, state) for row, state in zip(chosen.tolist(), states, strict=True)]

@@ -29,8 +29,8 @@ def stability_panel(panel: Panel, *, stiffness: bool = False) -> Plot:
         name = f"{alpha:.2f} rad" + (f", k_e = {k_e:.3g}" if stiffness else "")
         curves.append(Curve(name if drawn else "", *sampled, colour=colour, width=2.0))
         curves.append(Curve("", *paper, colour=colour, dash="dashed"))
-    gains = (np.array([gain]) for gain in panel.gains)
-    curves.append(Curve("gains set", *gains, colour="red", marker="star"))
+    b_set, k_set = (np.array([gain]) for gain in panel.gains)
+    curves.append(Curve("gains set", b_set, k_set, colour="red", marker="star"))
     shown = [Range(low=float(v[0]), high=float(v[-1])) for v in (panel.b, panel.k)]
     return Plot(
         x=Axis("damping b", panel.units[0], "log", shown[0]),

@@ -17,7 +17,7 @@ from dualbend.types import SIDES, Side, Vector
 
 _PIECE_RAD, _FIRST_FORCE, _MOMENT = 0.2, 15.0, 2.0
 """On a linear piece of 0.2 rad from the flat on, the sheet pushes by up to 15 EI/L² more than in
-its zero-moment shapes and turns by up to 2 EI Δα/L, both proportional to the piece; rod oracle."""
+its zero-moment shapes and turns by up to 2 EI Δα/L, both proportional to the piece; of the rod."""
 
 
 def refuse_overload(

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from dualbend.beam import elastica
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.response import CommandResponse
 from dualbend.control.servo import JointServo
 from dualbend.run.arms import arm_pair, joint_stiffness
@@ -60,7 +60,10 @@ class RobotCell:
             latency_steps=scenario.sensor.latency_steps(step_s),
         )
         self.response = CommandResponse(
-            scenario.robot.response, len(self.home), steps_per_cycle(step_s)
+            scenario.robot.response,
+            len(self.home),
+            steps_per_cycle(step_s, COMMAND_PERIOD_S),
+            period_s=COMMAND_PERIOD_S,
         )
 
     def _compose(self, *, looks: bool) -> mujoco.MjSpec:

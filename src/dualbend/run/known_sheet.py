@@ -4,68 +4,107 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 
-from dualbend.arm.mjcf import GRIP_SITE
 from dualbend.arm.pair import ArmPair
 from dualbend.beam import elastica
 from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import sheet_tangent, solve_grips
 from dualbend.beam.sheet import Sheet
 from dualbend.control.alter import AlterConfig
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance, ModelAdmittanceConfig
 from dualbend.control.compliance.model import ModelAdmittance
+from dualbend.control.compliance.pair import PairCompliance
 from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.compliance.schedule import KnownSheet
+from dualbend.control.filters import LowPassConfig
 from dualbend.errors import InputError
-from dualbend.mechanics.tool import tool_inertia
+from dualbend.mechanics.compliance import series_stiffness
+from dualbend.mechanics.coupling import Coupling, deviation_angle, wrench_response
 from dualbend.run.arms import arm_pair, joint_stiffness, one_kind
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import SheetConfig
-from dualbend.scene.cell import CellConfig, GraspConfig, robots_only
-from dualbend.scene.ik import InverseKinematics, grip_targets
+from dualbend.scene.arm_compliance import ArmCompliance
+from dualbend.scene.cell import CellConfig, GraspConfig
 from dualbend.types import SIDES, Side, Vector
 
 _FIRST_RAD, _DENSE_TO_RAD, _DENSE_RAD, _STEP_RAD = 0.01, 0.1, 0.005, 0.025
 """The tables' angles: denser where the stiffness falls steeply."""
 
-_PRESSED = np.array([3.0, 2.0, 1.4, 1.0, 0.7, 0.4, 0.2, 0.1, 0.04, 0.0, -0.02, -0.05, -0.1]) / 400
+_NEARER = np.array([3.0, 2.0, 1.4, 1.0, 0.7, 0.4, 0.2, 0.1, 0.04, 0.0, -0.02, -0.05, -0.1]) / 400
 """How much nearer than in the zero-moment state the grips are, over the length."""
 
 _NEWTON_STEPS, _LARGEST_STEP_M, _ZERO_NM = 30, 2e-4, 1e-9
 
 
-def make_admittance(scenario: Scenario) -> Admittance:
-    """Return the admittance of one arm: the paper's, or the one with a model.
+def make_compliance(scenario: Scenario) -> PairCompliance:
+    """Return the scenario's own controller of both arms.
+
+    Raises InputError where the states of its model are not found or out of reach.
+    """
+    sensing, complying = (
+        [i for i, side in enumerate(SIDES) if side in sides]
+        for sides in (scenario.compliance.sensing, scenario.compliance.complying)
+    )
+    admittance = make_admittance(scenario, (len(sensing),))
+    return PairCompliance(admittance, sensing=sensing, complying=complying)
+
+
+def make_admittance(scenario: Scenario, shape: tuple[int, ...] = ()) -> Admittance:
+    """Return the admittance of one arm or of a leading shape: the paper's, or that with a model.
 
     Raises InputError where the model's states are not found or out of reach.
     """
     config = scenario.compliance
     if not isinstance(config, ModelAdmittanceConfig) or not config.modelled:
-        return Admittance(config)
-    step_s = scenario.physics.step_s
-    models = [
-        ResponseModel(
-            response=scenario.robot.response,
-            low_pass=scenario.filter,
-            delay_cycles=delay_cycles,
-            steps=steps_per_cycle(step_s),
-            # As in scene.simulation: the force that acts during a step is known when it is done.
-            age_steps=max(scenario.sensor.latency_steps(step_s), 1),
-            channels=channels,
-        )
+        return Admittance(config, period_s=COMMAND_PERIOD_S, shape=shape)
+    own, nominal = (
+        response_model(scenario, delay_cycles=delay_cycles, channels=channels, shape=shape)
         for delay_cycles, channels in ((scenario.robot.alter.delay_cycles, 2), (0, 3))
-    ]
+    )
     return ModelAdmittance(
         config,
         known=known_sheet(scenario),
         response=scenario.robot.response,
-        own=models[0],
-        nominal=models[1],
+        own=own,
+        nominal=nominal,
+        period_s=COMMAND_PERIOD_S,
+        shape=shape,
+    )
+
+
+def reading_age_steps(scenario: Scenario) -> int:
+    """Return the age of a reading when a cycle uses it [physics steps], at least 1.
+
+    As in scene.simulation: the force that acts during a step is known when the step is done.
+    """
+    return max(scenario.sensor.latency_steps(scenario.physics.step_s), 1)
+
+
+def response_model(
+    scenario: Scenario,
+    *,
+    delay_cycles: int,
+    channels: int,
+    low_pass: LowPassConfig | None = None,
+    age_steps: int | None = None,
+    shape: tuple[int, ...] = (),
+) -> ResponseModel:
+    """Return the model of a scenario's robot response as its sensor reads it.
+
+    ``low_pass`` and ``age_steps`` are the scenario's own where they are not given.
+    """
+    return ResponseModel(
+        response=scenario.robot.response,
+        low_pass=low_pass or scenario.filter,
+        delay_cycles=delay_cycles,
+        steps=steps_per_cycle(scenario.physics.step_s, COMMAND_PERIOD_S),
+        age_steps=age_steps or reading_age_steps(scenario),
+        channels=channels,
+        period_s=COMMAND_PERIOD_S,
+        shape=shape,
     )
 
 
@@ -98,8 +137,10 @@ def _known_sheet(
     end_rad: float,
     lever_arm_m: float,
 ) -> KnownSheet:
-    sheet, give = sheet_config.sheet(), ArmGive(pair, stiffness, grasp)
-    sensing, complying = ([i for i, side in enumerate(SIDES) if side in of] for of in sides)
+    sheet, arm = sheet_config.sheet(), ArmCompliance(pair, stiffness, grasp)
+    sensors, movers = sides
+    sensing = SIDES.index(next(side for side in SIDES if side in sensors))
+    arms_share = max(len(movers), 1)
     rows = []
     state: RodState | None = None
     offset_m = 0.0
@@ -111,34 +152,24 @@ def _known_sheet(
         offset_m, state = found
         half_distance = elastica.half_distance(alpha, sheet.length_m) + offset_m
         rise = elastica.rise(alpha, sheet.length_m)
-        compliance, inertia = give.at(-half_distance, cell.sheet_height_m + rise, alpha)
-        tangent = sheet_tangent(state)
-        # Dry friction holds an arm that nothing commands: only its grasp gives way.
-        gives = np.zeros((6, 6))
-        for i in range(2):
-            part = slice(3 * i, 3 * i + 3)
-            gives[part, part] = give.grasp + compliance * float(i in complying)
-        series = np.linalg.solve(np.eye(6) + tangent @ gives, tangent)
-        phi = {"world": 0.0, "tool": alpha, "tool-frozen": start_rad}[alter.mode]
-        sent = np.array([[math.cos(phi), 0.0], [-math.sin(phi), 0.0], [0.0, 1.0]])
-        # The same in both bending frames, so a mirrored arm adds its block.
-        felt = sum(
-            (series[3 * sensing[0] :, 3 * by :][:3, :3] for by in complying), np.zeros((3, 3))
-        )
-        squeeze = float(gives[0, 0] + gives[3, 3])
-        pressed = _pressed(sheet, alpha, half_distance, squeeze, state)
-        if pressed is None:
+        arm.move(np.array([-half_distance, cell.sheet_height_m + rise, alpha]))
+        coupling = Coupling.between(sensors, movers, deviation_angle(alter.mode, alpha, start_rad))
+        compliance = coupling.arm_compliance(arm.compliance, arm.grasp)
+        series = series_stiffness(sheet_tangent(state), compliance)
+        response = wrench_response(series, sensing, coupling.source)
+        squeeze = float(compliance[0, 0] + compliance[3, 3])
+        compression = _compression(sheet, alpha, half_distance, squeeze, state)
+        if compression is None:
             break
-        arms_share = max(len(complying), 1)
         rows.append(
             (
                 alpha,
                 state.left.force_x_n,
-                felt @ sent,
-                inertia,
-                sent,
-                pressed[0] / arms_share,
-                pressed[1],
+                response @ coupling.deviation_jacobian,
+                arm.tool_inertia,
+                coupling.deviation_jacobian,
+                compression[0] / arms_share,
+                compression[1],
             )
         )
     if len(rows) < 2:
@@ -186,48 +217,23 @@ def zero_moment(
     return None
 
 
-def _pressed(
-    sheet: Sheet, alpha_rad: float, half_distance_m: float, give_m_per_n: float, state: RodState
+def _compression(
+    sheet: Sheet,
+    alpha_rad: float,
+    half_distance_m: float,
+    compliance: float,
+    state: RodState,
 ) -> tuple[Vector, Vector] | None:
     """Return by how much the commanded grips are nearer, falling, and the force x on the arm."""
-    middle = int(np.flatnonzero(_PRESSED == 0.0)[0])
-    forces = np.full(len(_PRESSED), state.left.force_x_n)
-    for part in (range(middle - 1, -1, -1), range(middle + 1, len(_PRESSED))):
+    middle = int(np.flatnonzero(_NEARER == 0.0)[0])
+    forces = np.full(len(_NEARER), state.left.force_x_n)
+    for part in (range(middle - 1, -1, -1), range(middle + 1, len(_NEARER))):
         guess = state
         for i in part:
-            x = half_distance_m - _PRESSED[i] * sheet.length_m / 2.0
+            x = half_distance_m - _NEARER[i] * sheet.length_m / 2.0
             guess = solve_grips(sheet, np.array([-x, 0.0, alpha_rad] * 2), guess)
             if not guess.converged:
                 return None
             forces[i] = guess.left.force_x_n
-    nearer = _PRESSED * sheet.length_m - give_m_per_n * (forces - state.left.force_x_n)
+    nearer = _NEARER * sheet.length_m - compliance * (forces - state.left.force_x_n)
     return nearer, forces
-
-
-class ArmGive:
-    """What the left arm with its grasp gives way at a pose, and the inertia of its tool."""
-
-    def __init__(self, arms: ArmPair, stiffness: Sequence[float], grasp: GraspConfig) -> None:
-        self._model = robots_only(arms).compile()
-        self._data = mujoco.MjData(self._model)
-        self._ik = InverseKinematics(self._model, arms.home)
-        self._q, self._left = arms.home, arms.joints("left")
-        self._site = self._model.site(f"{SIDES[0]}_{GRIP_SITE}").id
-        self._per_torque = 1.0 / np.array(stiffness)[self._left]
-        translation = 1.0 / grasp.translational_stiffness_n_per_m
-        rotation = 1.0 / grasp.rotational_stiffness_n_m_per_rad
-        self.grasp = np.diag([translation, translation, rotation])
-
-    def at(self, x_m: float, z_m: float, alpha_rad: float) -> tuple[Vector, Vector]:
-        """Return the joints' J K⁻¹ Jᵀ and the tool's inertia (3, 3) in x, z, α at the grip."""
-        targets = grip_targets(np.array([[x_m, z_m, alpha_rad]] * 2))
-        self._q = self._ik.solve_from_home(targets, self._q).q
-        model, data = self._model, self._data
-        data.qpos[:] = self._q
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        translation, rotation = np.zeros((2, 3, model.nv))
-        mujoco.mj_jacSite(model, data, translation, rotation, self._site)
-        planar = np.vstack([translation[[0, 2]], rotation[1]])[:, self._left]
-        compliance = (planar * self._per_torque) @ planar.T
-        return np.asarray(compliance), tool_inertia(model, data, self._site)

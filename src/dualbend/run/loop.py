@@ -8,27 +8,30 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from dualbend.control.alter import PlanarPathModification
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import Compliance
-from dualbend.control.controller import Command, ComplianceController
-from dualbend.control.delay import TransportDelay
+from dualbend.control.controller import Command, ControlledPath, Controller
+from dualbend.control.controller import Observation as Observed
 from dualbend.control.filters import LowPass
-from dualbend.control.force_torque import Sensor, ToolGravityCompensation, WrenchChain
+from dualbend.control.force_torque import (
+    Sensor,
+    ToolGravityCompensation,
+    WrenchChain,
+    WrenchReading,
+)
 from dualbend.control.guard import Guard, ProtectiveStop
-from dualbend.control.reading import Reading
+from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError
 from dualbend.run.cell import RobotCell
-from dualbend.run.known_sheet import make_admittance
+from dualbend.run.known_sheet import make_compliance
 from dualbend.run.outcome import TaskStopped
 from dualbend.run.record import RunRecord, Scene
 from dualbend.run.trace import TraceRecorder
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import Outcome
 from dualbend.scene.ik import Targets
-from dualbend.scene.simulation import Observation, SensorSample, tool_mass_and_centre
+from dualbend.scene.simulation import PLANAR, Observation, SensorSample, tool_mass_and_centre
 from dualbend.scene.warnings import SimulationFailed, refuse_warnings, warnings_counted_only
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, PlanarPose, Vector
 
 
 class Run:
@@ -47,11 +50,12 @@ class Run:
     """
 
     trace: TraceRecorder
-    controller: ComplianceController
+    sensors: WristSensors
+    path: ControlledPath
     sample: SensorSample
     checked_poses: Vector
     task_columns: tuple[tuple[str, str], ...] = ()
-    compliance: Callable[[Scenario], Compliance] = staticmethod(make_admittance)
+    compliance: Callable[[Scenario], Controller] = staticmethod(make_compliance)
 
     def __init__(self, scenario: Scenario, cell: RobotCell) -> None:
         self.scenario, self.cell = scenario, cell
@@ -82,10 +86,14 @@ class Run:
         Filters, delays and noise streams have a memory and are made again for each run.
         """
         simulation = self.cell.simulation
-        self.controller = make_controller(self.scenario, simulation.model, self.compliance)
+        self.sensors = make_sensors(self.scenario, simulation.model)
+        alter = self.scenario.robot.alter
+        self.path = ControlledPath(
+            self.compliance(self.scenario), delay_cycles=alter.delay_cycles, mode=alter.mode
+        )
         self.trace = TraceRecorder(
             self.cycles,
-            list(self.controller.chains),
+            self.sensors.arms,
             simulation.model.nq,
             self.scenario.sheet.model.sections,
             simulation.joints,
@@ -138,7 +146,7 @@ class Run:
             scene=Scene(model=self.cell.model, bend_stiffness=simulation.bend_stiffness),
             simulated_s=float(simulation.data.time),
             wall_time_s=wall_time_s,
-            controller="" if self.compliance is make_admittance else _name_of(self.compliance),
+            controller="" if self.compliance is make_compliance else _name_of(self.compliance),
             laid=tuple(self.laid),
         )
 
@@ -159,7 +167,26 @@ class Run:
         self._guard.check(seen.q, seen.speed, seen.torque, self.cell.response.position)
         return seen
 
-    def send(self, targets: Targets, readings: dict[int, Reading], command: Command) -> None:
+    def control(
+        self, seen: Observation, phase: str, nominal: PlanarPose, reading: WrenchReading
+    ) -> tuple[Observed, Command]:
+        """Return what the controller observes and the command that it makes of it.
+
+        ``nominal``: of both arms (2, 3), each in its own bending frame.
+        """
+        observed = Observed.of(
+            reading,
+            time_s=(self.trace.rows - 1) * COMMAND_PERIOD_S,
+            phase=phase,
+            joints_rad=seen.q,
+            measured=PlanarPose(seen.grip[:, PLANAR]),
+            nominal=nominal,
+        )
+        return observed, self.path.command(observed)
+
+    def send(
+        self, targets: Targets, reading: WrenchReading, observation: Observed, command: Command
+    ) -> None:
         """Command both grips' poses in the world and run the physics to the next cycle."""
         ik = self.cell.ik
         solution = ik.solve(targets, 2.0 * self._q - self._previous)
@@ -167,7 +194,9 @@ class Run:
             raise ProtectiveStop(f"commanded {ik.describe_miss(solution)}")
         self._previous, self._q = self._q, solution.q
         self.sample = self.cell.send(self._q)
-        self.trace.record_control(readings, command, solution, time.perf_counter() - self._began)
+        self.trace.record_control(
+            reading, observation, command, solution, time.perf_counter() - self._began
+        )
         if self._on_cycle is not None:
             self._on_cycle(self.trace.rows)
 
@@ -191,34 +220,22 @@ class Run:
         return str(spec.to_xml())
 
 
-def _name_of(made_by: Callable[[Scenario], Compliance]) -> str:
+def _name_of(made_by: Callable[[Scenario], Controller]) -> str:
     """Return module and name of a class or function, the class's name of anything else."""
     named = made_by if hasattr(made_by, "__qualname__") else type(made_by)
     return f"{named.__module__}.{named.__qualname__}"
 
 
-def make_controller(
-    scenario: Scenario, model: mujoco.MjModel, compliance: Callable[[Scenario], Compliance]
-) -> ComplianceController:
-    """Return the controller of both arms, each sensor with a noise stream of its own."""
+def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
+    """Return the wrist sensors of the sensing arms, each with a noise stream of its own."""
     streams = np.random.SeedSequence(scenario.seed).spawn(len(SIDES))
-    chains = {}
-    for i, side in enumerate(SIDES):
-        if side in scenario.compliance.sensing:
-            mass, centre = tool_mass_and_centre(model, side)
-            chains[i] = WrenchChain(
-                Sensor(scenario.sensor, np.random.default_rng(streams[i])),
-                ToolGravityCompensation(mass, centre),
-                LowPass(scenario.filter),
-                np.eye(3),
-            )
-    return ComplianceController(
-        chains=chains,
-        admittances={i: compliance(scenario) for i in chains},
-        complying=[SIDES.index(side) for side in scenario.compliance.complying],
-        delay=TransportDelay(scenario.robot.alter.delay_cycles, 2 * len(SIDES)),
-        modifications=(
-            PlanarPathModification(scenario.robot.alter.mode),
-            PlanarPathModification(scenario.robot.alter.mode),
-        ),
+    arms = [i for i, side in enumerate(SIDES) if side in scenario.compliance.sensing]
+    shape = (len(arms),)
+    tools = [tool_mass_and_centre(model, SIDES[i]) for i in arms]
+    chain = WrenchChain(
+        Sensor(scenario.sensor, [np.random.default_rng(streams[i]) for i in arms], shape),
+        ToolGravityCompensation([mass for mass, _ in tools], [centre for _, centre in tools]),
+        LowPass(scenario.filter, period_s=COMMAND_PERIOD_S, shape=shape),
+        np.eye(3),
     )
+    return WristSensors(chain, arms)

@@ -7,19 +7,20 @@ from collections.abc import Callable
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import Compliance
+from dualbend.control.controller import Controller
 from dualbend.errors import InputError
 from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.cell import RobotCell
-from dualbend.run.known_sheet import make_admittance
+from dualbend.run.known_sheet import make_compliance
 from dualbend.run.loop import Run
+from dualbend.run.record import task_of
 from dualbend.scenario.motion import NominalMotion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.ik import grip_targets
 from dualbend.scene.simulation import Observation, SensorSample
 from dualbend.scene.warnings import SimulationFailed
-from dualbend.types import Vector
+from dualbend.types import SIDES, PlanarPose, Vector
 
 _SNAPPED_SAG_M, _SNAPPED_FROM_RAD = -1e-3, 0.1
 """A sheet bent this far sags by centimetres: a middle this much above its ends is another shape."""
@@ -38,8 +39,8 @@ class PlanarRun(Run):
     motion
         Phase and nominal pose of the grips at every command cycle.
     compliance
-        Makes what takes the place of the scenario's ``[compliance]``, again for each sensing arm
-        and run: it may have a memory. The record and its summary name it.
+        Makes what takes the place of the scenario's ``[compliance]``, again for each run: it may
+        have a memory. The record and its summary name it.
 
     Raises
     ------
@@ -51,9 +52,10 @@ class PlanarRun(Run):
         self,
         scenario: Scenario,
         motion: NominalMotion,
-        compliance: Callable[[Scenario], Compliance] = make_admittance,
+        compliance: Callable[[Scenario], Controller] = make_compliance,
     ) -> None:
         self.compliance, self.motion = compliance, motion
+        self.phases = task_of(scenario).phases
         self.scenario = scenario = with_placements(scenario)
         self._z_m = scenario.cell.sheet_height_m + motion.rise_m
         try:
@@ -81,10 +83,10 @@ class PlanarRun(Run):
         seen = self.observe(int(self.motion.phase[n]), np.array([alpha, -x, z]))
         refuse_snapped(seen.sag, alpha)
         self.on_observed(n, seen)
-        sample = self.sample
-        readings = self.controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
-        command = self.controller.command(readings, x, z, alpha)
-        self.send(grip_targets(command.pose), readings, command)
+        reading = self.sensors.read(self.sample.wrench, self.sample.rotation)
+        nominal = PlanarPose(np.array([[x, z, alpha]] * len(SIDES)))
+        observed, command = self.control(seen, self.phases[self.motion.phase[n]], nominal, reading)
+        self.send(grip_targets(command.pose.coordinates), reading, observed, command)
         return True
 
     def on_observed(self, cycle: int, seen: Observation) -> None:

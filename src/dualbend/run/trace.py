@@ -14,7 +14,8 @@ import pyarrow.parquet as pq
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.controller import Command
-from dualbend.control.reading import Reading
+from dualbend.control.controller import Observation as Observed
+from dualbend.control.force_torque import WrenchReading
 from dualbend.errors import InputError
 from dualbend.scene.ik import IKSolution
 from dualbend.scene.simulation import Observation
@@ -158,6 +159,7 @@ class TraceRecorder(Trace):
         task: Sequence[tuple[str, str]] = (),
     ) -> None:
         self.columns: list[tuple[str, str]] = []
+        self._sensing = sensing
         self._slices: dict[str, slice] = {}
         self._declare("clock", [("time", "s"), ("phase", "1")])
         self._declare(
@@ -232,25 +234,27 @@ class TraceRecorder(Trace):
         self._table[self.rows - 1][self._slices["task"]] = values
 
     def record_control(
-        self, readings: dict[int, Reading], command: Command, ik: IKSolution, wall_s: float
+        self,
+        reading: WrenchReading,
+        observation: Observed,
+        command: Command,
+        ik: IKSolution,
+        wall_s: float,
     ) -> None:
         """Complete the row with what the controller made of it."""
         row, at = self._table[self.rows - 1], self._slices
-        for i, reading in readings.items():
-            sample = reading.sample
-            row[at[f"reading{i}"]] = (
-                *sample.force_sensor_n,
-                *sample.torque_sensor_nm,
-                reading.force_x_n,
-                reading.moment_y_nm,
-                reading.filtered_force_x_n,
-                reading.filtered_moment_y_nm,
-            )
-        row[at["deviation"]] = command.deviation.ravel()
-        row[at["command"]] = command.pose.ravel()
+        for i, sensed in zip(self._sensing, reading.sensor.components, strict=True):
+            readings = row[at[f"reading{i}"]]
+            readings[:6] = sensed
+            # Force x and moment y in the bending frame.
+            readings[6:8] = observation.raw.components[i, ::4]
+            readings[8:] = observation.filtered.components[i, ::4]
+        row[at["deviation"]] = command.deviation[:, ::4].ravel()
+        row[at["command"]] = command.pose.coordinates.ravel()
         row[at["setpoint"]] = ik.q
         row[at["ik"]] = ik.position_residual_m, ik.rotation_residual_rad, ik.iterations
-        row[at["saturated"]] = command.saturated
+        bounds_met = np.count_nonzero(observation.clipped) + np.count_nonzero(command.saturated)
+        row[at["saturated"]] = bounds_met > 0
         row[at["wall"]] = wall_s
 
 

@@ -101,12 +101,13 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 
     def to_toml(self) -> str:
         """Return the resolved scenario: loading it again gives an equal object."""
-        return tomli_w.dumps(_without_none(msgspec.to_builtins(self)))
+        return tomli_w.dumps(without_none(msgspec.to_builtins(self)))
 
 
-def _without_none(value: Any) -> Any:  # noqa: ANN401 - a tree of TOML values
+def without_none(value: Any) -> Any:  # noqa: ANN401 - a tree of TOML values
+    """Return a tree of TOML values without what is not set: TOML has no null."""
     if isinstance(value, dict):
-        return {key: _without_none(item) for key, item in value.items() if item is not None}
+        return {key: without_none(item) for key, item in value.items() if item is not None}
     if isinstance(value, list | tuple):
-        return [_without_none(item) for item in value]
+        return [without_none(item) for item in value]
     return value

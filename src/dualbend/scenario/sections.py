@@ -9,7 +9,7 @@ import msgspec
 
 from dualbend.arm.catalog import JOINT_COUNT, ArmName
 from dualbend.control.alter import AlterConfig
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.response import CommandResponseConfig
 from dualbend.control.servo import JointServoConfig, StiffnessConfig
 from dualbend.errors import InputError
@@ -136,7 +136,7 @@ class PhysicsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
 
     def __post_init__(self) -> None:
         """Refuse a step that does not divide the command period."""
-        steps_per_cycle(self.step_s)
+        steps_per_cycle(self.step_s, COMMAND_PERIOD_S)
 
 
 class ExpectConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -10,7 +10,7 @@ import numpy as np
 
 from dualbend.arm import mjcf as arm
 from dualbend.arm.pair import arm_joints
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.delay import TransportDelay
 from dualbend.scene.cell import PAD_SITE, GraspConfig
 from dualbend.scene.sheet.model import SheetModel, StripModel
@@ -19,6 +19,9 @@ from dualbend.types import SIDES, Vector
 
 # A turn by π about z takes the left arm's bending frame to the right arm's: x and y change sign.
 BENDING_TO_WORLD = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])
+
+PLANAR = np.array([0, 2, 3])
+"""Which of x, y, z, α of a grip make its planar pose."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +80,7 @@ class Simulation:
         latency_steps: int = 0,
     ) -> None:
         self.model, self.data = model, mujoco.MjData(model)
-        self.steps = steps_per_cycle(model.opt.timestep)
+        self.steps = steps_per_cycle(model.opt.timestep, COMMAND_PERIOD_S)
         self.joints = arm_joints(model)
         """Names of the arms' joints, in the order of every vector over them."""
         joints = [model.joint(name) for name in self.joints]

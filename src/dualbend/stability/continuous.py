@@ -10,7 +10,7 @@ and (23), Routh: (c b + k)(b ω_n² + c k) > b (k + k_e) ω_n².
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError
 from dualbend.stability.margins import Margins, margins
-from dualbend.stability.mode import Mode
+from dualbend.stability.mode import Mode, describe_pole
 from dualbend.stability.sampled import LoopElements
 from dualbend.types import Vector
 
@@ -63,17 +63,8 @@ class ContinuousLoop:
 
     def mode(self) -> Mode:
         """Return the dominant root of (22): without the delay exact, with it the crossing root."""
-        s = self._dominant_root()
-        return Mode(
-            spectral_radius=math.exp(s.real * COMMAND_PERIOD_S),
-            growth_per_s=s.real,
-            frequency_hz=abs(s.imag) / (2.0 * math.pi),
-            damping_ratio=-s.real / abs(s) if s else 0.0,
-        )
-
-    def _dominant_root(self) -> complex:
         roots = np.roots(self._with_pade())
-        return complex(roots[np.argmax(roots.real)])
+        return describe_pole(complex(roots[np.argmax(roots.real)]))
 
     def _with_pade(self) -> Vector:
         """Return (22) with the delay as a Padé fraction of order 4, exact to 1e-4 for ωτ < 3."""
@@ -191,11 +182,9 @@ def delayed_loop(
     compliance = sampled.static_compliance
     # Never quite 0, so that the polynomial keeps its degree.
     lag_s = max(sampled.pole * COMMAND_PERIOD_S / (1.0 - sampled.pole), 1e-6)
-    return ContinuousLoop(
+    return replace(
+        base,
         b=lag_s / compliance,
         k=1.0 / compliance,
-        stiffness=stiffness,
-        omega_rad_per_s=base.omega_rad_per_s,
-        two_xi_omega=base.two_xi_omega,
         delay_s=dead_time_s(elements, frequency_hz),
     )

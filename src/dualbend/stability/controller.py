@@ -1,138 +1,92 @@
-"""The admittance with a model as blocks, for the analysis of the loop that it closes.
+"""The admittance with a model in state space, for the analysis of the loop that it closes.
 
-The matrices are those of `ModelAdmittance.point` and the filters those that run, so what is judged
-is what runs; a stream of `comply()` calls and these blocks agree to rounding (tested).
+The matrices are those of `ModelAdmittance.point` and the filters those that run, so what is
+analysed is what runs; a stream of `comply()` calls and this system agree to rounding (tested).
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import msgspec
 import numpy as np
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceConfig,
     AxisConfig,
     ModelAdmittanceConfig,
 )
-from dualbend.control.compliance.model import ModelAdmittance, ModelPoint
+from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.filters import LowPass
-from dualbend.stability.state_space import Blocks, parallel, realised
-from dualbend.types import Vector
+from dualbend.stability.state_space import StateSpace, from_transfer_function, parallel, static
 
 
-def controller_blocks(
+def controller_system(
     admittance: ModelAdmittance,
     alpha_rad: float,
     acting: tuple[bool, bool],
-    actuator: Blocks,
+    actuator: StateSpace,
     low_pass: LowPass,
-) -> Blocks:
+) -> StateSpace:
     """Return filtered wrench (2,) → deviations (2,) at one bending angle.
+
+    With the lead Λ, the model's estimate E, the filters F, their input's gain, the wrench's slope,
+    and the predictor's own wrench O q and last deviation z⁻¹ q:
+
+        q = F gain (Λ E (slope w + O q) − E K z⁻¹ q)
 
     Parameters
     ----------
     admittance
         What runs; its last deviations and the model of its own motion are states.
     alpha_rad
-        Where its tables are read.
+        Where its tables are evaluated.
     acting
         Axes that take part; the other one's deviation is 0.
     actuator
         One axis from the deviation sent to position and acceleration as old as a reading.
     low_pass
-        What the model's readings are filtered with.
+        The filter of the model's readings.
     """
     point = admittance.point(alpha_rad)
-    lead = _leads(admittance, point)
-    filters = _filters(admittance, point, acting)
-    own, last = _own_motion(admittance, point, actuator, low_pass), _last(admittance, point)
-    return _static(np.diag([point.slope, 1.0])).then(_closed(lead, filters, own, last))
-
-
-def _static(matrix: Vector) -> Blocks:
-    rows, columns = matrix.shape
-    return Blocks(
-        a=np.zeros((0, 0)), b=np.zeros((0, columns)), c=np.zeros((rows, 0)), d=np.asarray(matrix)
-    )
-
-
-def _leads(admittance: ModelAdmittance, point: ModelPoint) -> Blocks:
-    """Return Λ E."""
-    parts = parallel(
-        _static(np.eye(1)) if lead is None else realised(lead.transfer_function(point.lead_share))
+    leads = parallel(
+        static(np.eye(1))
+        if lead is None
+        else from_transfer_function(lead.transfer_function(point.lead_share))
         for lead in admittance.leads
     )
-    return _static(point.estimate).then(parts)
-
-
-def _filters(admittance: ModelAdmittance, point: ModelPoint, acting: tuple[bool, bool]) -> Blocks:
-    """Return the admittance's own filters, fed with what they are fed with."""
-    parts = parallel(
-        realised(axis.transfer_function())
+    filters = parallel(
+        from_transfer_function(axis.transfer_function())
         if axis is not None and acts
-        else _static(np.zeros((1, 1)))
+        else static(np.zeros((1, 1)))
         for axis, acts in zip(admittance.axes, acting, strict=True)
     )
-    return _static(np.diag(point.gain)).then(parts)
-
-
-def _own_motion(
-    admittance: ModelAdmittance, point: ModelPoint, actuator: Blocks, low_pass: LowPass
-) -> Blocks:
-    """Return deviations → the part of the filtered wrench that they have made, K q + M q̈."""
-    if admittance.config.predictor is None:
-        return _static(np.zeros((2, 2)))
-    filtered = realised(low_pass.transfer_function())
-    read = parallel([actuator] * 2).then(parallel([filtered] * 4))
-    inertia = np.diag([point.slope, 1.0]) @ point.inertia @ point.sent
-    return read.scaled(np.stack([point.stiffness, inertia], axis=-1).reshape(2, 4))
-
-
-def _last(admittance: ModelAdmittance, point: ModelPoint) -> Blocks:
-    """Return deviations → −E K times those of the cycle before."""
-    if admittance.config.predictor is None:
-        return _static(np.zeros((2, 2)))
-    held = realised((np.array([0.0, 1.0]), np.ones(1)))
-    return parallel([held] * 2).scaled(-point.estimate @ point.stiffness)
-
-
-def _closed(lead: Blocks, filters: Blocks, own: Blocks, last: Blocks) -> Blocks:
-    """Close δ = filters(lead(w + own δ) + last δ); own and last know the past only."""
-    assert not own.d.any()
-    assert not last.d.any()
-    sizes = [block.a.shape[0] for block in (lead, filters, own, last)]
-    size = sum(sizes)
-    starts = np.cumsum([0, *sizes])
-    state = [np.eye(size)[a:b] for a, b in pairwise(starts)]
-
-    def rows(on_state: Vector, on_wrench: Vector) -> Vector:
-        return np.hstack([on_state, on_wrench])
-
-    wrench = rows(own.c @ state[2], np.eye(2))
-    error = lead.d @ wrench + rows(lead.c @ state[0] + last.c @ state[3], np.zeros((2, 2)))
-    out = filters.d @ error + rows(filters.c @ state[1], np.zeros((2, 2)))
-    ahead = np.vstack(
-        [
-            rows(block.a @ x, np.zeros((block.a.shape[0], 2))) + block.b @ given
-            for block, x, given in zip(
-                (lead, filters, own, last), state, (wrench, error, out, out), strict=True
-            )
-        ]
+    slope, twice = np.diag([float(admittance.slope(point)), 1.0]), np.tile(np.eye(2), 2)
+    # Of wrench and error (4,): both add up to what the filters get.
+    forward = parallel([static(point.estimate).series(leads), static(np.eye(2))]).scaled(
+        np.diag(point.gain) @ twice
     )
-    return Blocks(a=ahead[:, :size], b=ahead[:, size:], c=out[:, :size], d=out[:, size:])
+    forward = forward.series(filters)
+    if admittance.config.predictor is not None:
+        read = parallel([actuator] * 2).series(
+            parallel([from_transfer_function(low_pass.transfer_function())] * 4)
+        )
+        inertia = slope @ point.inertia @ point.sent
+        own = read.scaled(np.stack([point.stiffness, inertia], axis=-1).reshape(2, 4))
+        held = from_transfer_function((np.array([0.0, 1.0]), np.ones(1)))
+        last = parallel([held] * 2).scaled(-point.estimate @ point.stiffness)
+        forward = forward.feedback(static(twice.T).series(parallel([own, last])))
+    return static(np.eye(4, 2) @ slope).series(forward)
 
 
 def plain_admittance(admittance: ModelAdmittance, alpha_rad: float) -> Admittance:
     """Return the paper's admittance with the gains of one bending angle, in SI.
 
-    What the continuous formulas can speak of: no prediction, no fusion, each axis alone.
+    The continuous formulas know no more: no prediction, no fusion, each axis by itself.
     """
     config = admittance.config
     if config.schedule is None:
-        return Admittance(_without_model(config))
+        return Admittance(_without_model(config), period_s=COMMAND_PERIOD_S)
     stiffness = np.diag(admittance.point(alpha_rad).stiffness)
 
     def scaled(axis: AxisConfig | None, by: float) -> AxisConfig | None:
@@ -146,7 +100,8 @@ def plain_admittance(admittance: ModelAdmittance, alpha_rad: float) -> Admittanc
             units="si",
             x=scaled(config.x, float(stiffness[0])),
             rotation=scaled(config.rotation, float(stiffness[1])),
-        )
+        ),
+        period_s=COMMAND_PERIOD_S,
     )
 
 

@@ -1,4 +1,4 @@
-"""The map in (b, k): the largest stiffness at which a loop with these gains is stable."""
+"""Map of stability in (b, k): margins of the sampled loop, and the paper's largest stiffness."""
 
 from __future__ import annotations
 
@@ -8,21 +8,23 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from dualbend.control.compliance.admittance import Admittance, ComplianceConfig
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.compliance.admittance import (
+    Admittance,
+    AdmittanceAxis,
+    AxisConfig,
+    ComplianceConfig,
+)
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.continuous import largest_stiffness
+from dualbend.stability.continuous import largest_stiffness, paper_loop
 from dualbend.stability.margins import FREQUENCIES_HZ, Z_INVERSE, margins
-from dualbend.stability.plant.coupling import ModeName
-from dualbend.stability.plant.environment import Environment, environments
+from dualbend.stability.plant.environment import environments
 from dualbend.stability.prediction import Prediction
-from dualbend.stability.sampled import LoopElements, SampledLoop, si_per_unit
-from dualbend.stability.state_space import rational
+from dualbend.stability.sampled import LoopElements, environment_loops, si_per_unit
+from dualbend.stability.state_space import ComplexVector, rational
 from dualbend.types import Vector
-
-ComplexVector = NDArray[np.complex128]
 
 PER_DECADE = 20
 """Gains in a decade of a map, b and k alike."""
@@ -37,8 +39,8 @@ SHOWN_ANGLES = 4
 class Panel:
     """The map of one axis by itself.
 
-    ``b`` (n,) and ``k`` (m,) in the scenario's units; ``stiffness``: by bending angle [rad], what
-    the loop feels there at the scenario's gains, in SI; ``sampled``: by bending angle, the gain
+    ``b`` (n,) and ``k`` (m,) in the scenario's units; ``stiffness``: by bending angle [rad], that
+    of the loop at the scenario's gains, in SI; ``sampled``: by bending angle, the gain
     margin (n, m) of the sampled loop; ``paper`` (n, m): the largest stiffness that (23) allows;
     ``gains``: b and k set.
     """
@@ -92,19 +94,20 @@ def _panel(
     factors: tuple[Vector, Vector],
 ) -> Panel:
     config = scenario.compliance
-    given = config.x if axis == "x" else config.rotation
-    assert given is not None
+    given: AxisConfig = getattr(config, axis)
     factor = si_per_unit(config.units, axis)
     b, k = given.b * factors[0], given.k * factors[1]
-    omega = 2.0 * math.pi * elements.response.config.natural_frequency_hz
+    robot, index = paper_loop(elements, axis, 0.0), 0 if axis == "x" else 1
     rows = [row for row in prediction.rows if axis in row.axes]
     shown = [
         rows[i] for i in sorted({round(i) for i in np.linspace(0, len(rows) - 1, SHOWN_ANGLES)})
     ]
     at = environments(scenario, [row.alpha_rad for row in shown])
-    # The stiffness, but not the way, is that of the scenario's gains.
-    felt = {
-        row.alpha_rad: axis_alone(elements, e, row.moving, axis).felt(Z_INVERSE)[:, 0, 0]
+    # The stiffness, but not the mode, is that of the scenario's gains.
+    responses = {
+        row.alpha_rad: environment_loops(elements, e, (axis == "x", axis == "rotation"))[
+            row.moving
+        ].wrench_response(Z_INVERSE)[:, 0, 0]
         for row, e in zip(shown, at, strict=True)
     }
     filters = _filters(config, axis, factors)
@@ -113,17 +116,15 @@ def _panel(
         units=gain_units(config, axis),
         b=b,
         k=k,
-        sampled={alpha: _gain_margins(gain, *filters) for alpha, gain in felt.items()},
+        sampled={alpha: _gain_margins(response, *filters) for alpha, response in responses.items()},
         paper=largest_stiffness(
             b[:, np.newaxis] * factor,
             k[np.newaxis] * factor,
-            omega,
-            2.0 * elements.response.config.damping_ratio * omega,
+            robot.omega_rad_per_s,
+            robot.two_xi_omega,
         ),
         stiffness={
-            row.alpha_rad: row.stiffness_x_n_per_m
-            if axis == "x"
-            else row.stiffness_rotation_nm_per_rad
+            row.alpha_rad: (row.stiffness_x_n_per_m, row.stiffness_rotation_nm_per_rad)[index]
             for row in shown
         },
         gains=(given.b, given.k),
@@ -143,14 +144,6 @@ def gain_units(config: ComplianceConfig, axis: Literal["x", "rotation"]) -> tupl
     return f"{load} s/{unit}", f"{load}/{unit}"
 
 
-def axis_alone(
-    elements: LoopElements, at: Environment, way: ModeName, axis: Literal["x", "rotation"]
-) -> SampledLoop:
-    """Return the loop of one axis by itself."""
-    acting = (axis == "x", axis == "rotation")
-    return SampledLoop(elements, at.loops[way], acting, at.inertia, at.arms[way])
-
-
 def _filters(
     config: ComplianceConfig, axis: Literal["x", "rotation"], factors: tuple[Vector, Vector]
 ) -> tuple[Vector, dict[int, ComplexVector]]:
@@ -159,8 +152,7 @@ def _filters(
     Along a diagonal k/b is one and so is the pole a, and g falls as 1/b: δ = F/(b s + k) is
     linear. One filter for each diagonal does.
     """
-    given = config.x if axis == "x" else config.rotation
-    assert given is not None
+    given: AxisConfig = getattr(config, axis)
     along_b, along_k = factors
     n, m = along_b.size, along_k.size
     gains = np.empty((n, m))
@@ -173,23 +165,25 @@ def _filters(
             b=given.b * float(along_b[first]),
             k=given.k * float(along_k[first + diagonal]),
         )
-        filters = Admittance(msgspec.structs.replace(config, **{axis: changed}))
-        part = filters.x if axis == "x" else filters.rotation
-        assert part is not None
+        filters = Admittance(
+            msgspec.structs.replace(config, **{axis: changed}), period_s=COMMAND_PERIOD_S
+        )
+        part: AdmittanceAxis = getattr(filters, axis)
         gains[rows, rows + diagonal] = part.gain * along_b[first] / along_b[rows]
         shapes[diagonal] = rational((np.ones(1), part.transfer_function()[1]), Z_INVERSE)
     return gains, shapes
 
 
-def _gain_margins(felt: ComplexVector, gains: Vector, shapes: dict[int, ComplexVector]) -> Vector:
+def _gain_margins(
+    response: ComplexVector, gains: Vector, shapes: dict[int, ComplexVector]
+) -> Vector:
     """Return the gain margin (n, m) of the sampled loop; 1 is the boundary.
 
     With H = g/(1 − a z⁻¹), g is a factor only: one sweep for each diagonal of the map does.
     """
-    of_diagonal = {
-        diagonal: margins(FREQUENCIES_HZ, (felt * shape)[:, np.newaxis], stable=True).gain
-        for diagonal, shape in shapes.items()
-    }
     n, m = gains.shape
-    along = [[of_diagonal[j - i] for j in range(m)] for i in range(n)]
-    return np.asarray(np.array(along) / gains)
+    along = [
+        margins(FREQUENCIES_HZ, (response * shapes[diagonal])[:, np.newaxis], stable=True).gain
+        for diagonal in range(1 - n, m)
+    ]
+    return np.asarray(np.array(along)[np.arange(m) - np.arange(n)[:, np.newaxis] + n - 1] / gains)

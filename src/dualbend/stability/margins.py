@@ -12,15 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.filters import NYQUIST_HZ
-from dualbend.stability.sampled import LoopElements, SampledLoop
+from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ
+from dualbend.stability.sampled import SampledLoop
 from dualbend.types import Vector
 
 ComplexVector = NDArray[np.complex128]
 
 FREQUENCIES_HZ: Vector = np.concatenate([[0.0], np.geomspace(0.02, NYQUIST_HZ, 1500)])
-"""Where a sampled loop is looked at; crossings are interpolated to 1e-5 of the margin."""
+"""Where a sampled loop is evaluated; crossings are interpolated to 1e-5 of the margin."""
 
 Z_INVERSE: ComplexVector = np.exp(-2j * math.pi * FREQUENCIES_HZ * COMMAND_PERIOD_S)
 """z⁻¹ at these frequencies."""
@@ -47,28 +46,9 @@ class Margins:
         return 20.0 * math.log10(self.gain)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sweep:
-    """z⁻¹ on the unit circle and what all bending angles share there, computed once."""
-
-    frequency_hz: Vector
-    z_inverse: ComplexVector
-    shared: ComplexVector
-
-    @classmethod
-    def of(cls, elements: LoopElements) -> Sweep:
-        """Evaluate the shared elements."""
-        return cls(
-            frequency_hz=FREQUENCIES_HZ,
-            z_inverse=Z_INVERSE,
-            shared=elements.shared_gain(Z_INVERSE),
-        )
-
-
-def loop_margins(loop: SampledLoop, sweep: Sweep, *, stable: bool) -> Margins:
+def loop_margins(loop: SampledLoop, *, stable: bool) -> Margins:
     """Return the margins of a sampled loop whose verdict is known from its eigenvalues."""
-    gains = loop.open_loop(sweep.z_inverse, sweep.shared)
-    return margins(sweep.frequency_hz, eigenloci(gains), stable=stable)
+    return margins(FREQUENCIES_HZ, eigenloci(loop.open_loop(Z_INVERSE)), stable=stable)
 
 
 def eigenloci(gains: ComplexVector) -> ComplexVector:

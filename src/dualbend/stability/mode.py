@@ -1,4 +1,4 @@
-"""What an eigenvalue of one 28 ms cycle means in time."""
+"""What an eigenvalue of one command cycle means in time."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 
 @dataclass(frozen=True, kw_only=True)
 class Mode:
-    """The eigenvalue of the cycle that decides: the largest |z|, and what it is in time.
+    """The dominant eigenvalue z of the cycle, the one of largest |z|, and its meaning in time.
 
-    Growth rate ln|z|/T [1/s], frequency |arg z|/(2πT) [Hz], damping ratio −Re s/|s| of s = ln z/T.
+    With s = ln z / T: growth rate Re s [1/s], frequency |Im s|/(2π) [Hz], damping ratio −Re s/|s|.
     """
 
     spectral_radius: float
@@ -28,15 +28,18 @@ class Mode:
 
 def describe_mode(z: complex) -> Mode:
     """Return what an eigenvalue of one cycle means in time."""
-    radius = abs(z)
-    if radius < 1e-12:
+    if abs(z) < 1e-12:
         return Mode(
-            spectral_radius=radius, growth_per_s=-math.inf, frequency_hz=0.0, damping_ratio=1.0
+            spectral_radius=abs(z), growth_per_s=-math.inf, frequency_hz=0.0, damping_ratio=1.0
         )
-    s = complex(math.log(radius), abs(math.atan2(z.imag, z.real))) / COMMAND_PERIOD_S
+    return describe_pole(complex(math.log(abs(z)), math.atan2(z.imag, z.real)) / COMMAND_PERIOD_S)
+
+
+def describe_pole(s: complex) -> Mode:
+    """Return what a pole [1/s] of a continuous loop means in time."""
     return Mode(
-        spectral_radius=radius,
+        spectral_radius=math.exp(s.real * COMMAND_PERIOD_S),
         growth_per_s=s.real,
-        frequency_hz=s.imag / (2.0 * math.pi),
+        frequency_hz=abs(s.imag) / (2.0 * math.pi),
         damping_ratio=-s.real / abs(s) if s else 0.0,
     )

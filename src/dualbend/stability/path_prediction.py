@@ -1,6 +1,6 @@
-"""A run told beforehand in a tenth of a second: a simple sheet and the real controller.
+"""Moment along the path predicted in a tenth of a second: a simple sheet, the real controller.
 
-The wrench of the nominal motion (oracle, arms' give) is computed once. A candidate controller then
+The wrench of the nominal motion (rod, compliant arms) is computed once. A candidate controller then
 runs cycle by cycle, as in the simulation, on w = w_nominal − K(α) q − M q̈ with the known tangent;
 along x the force follows the known curve. The moment is of first order in the deviations, so the
 first piece comes out too high. The simulation decides; this only ranks.
@@ -11,25 +11,28 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import sheet_wrench
-from dualbend.control.clock import steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance
-from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.filters import LowPass, NoFilterConfig
 from dualbend.run.arms import arm_pair, joint_stiffness
-from dualbend.run.known_sheet import ArmGive, known_sheet
+from dualbend.run.known_sheet import known_sheet, reading_age_steps, response_model
 from dualbend.scenario.motion import PHASES, nominal_motion
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.plant.equilibrium import rest
-from dualbend.types import Vector
+from dualbend.scene.arm_compliance import ArmCompliance
+from dualbend.stability.plant.equilibrium import find_equilibrium
+from dualbend.types import PlanarPose, Vector
 
+_NO_FILTER = NoFilterConfig()
 _EVERY = 4
 """Cycles between two solved states of the sheet."""
 
 
 class PathPrediction:
-    """The disturbance along a scenario's path, and what is left of it with a controller.
+    """The disturbance along a scenario's path, and the residual moment with a controller.
 
     Raises InputError where a state is not found or out of reach.
     """
@@ -41,7 +44,7 @@ class PathPrediction:
         motion = self._motion
         z = scenario.cell.sheet_height_m + motion.rise_m
         self._pose = np.stack([-motion.half_distance_m, z, motion.alpha_rad], axis=1)
-        self._age_steps = max(scenario.sensor.latency_steps(scenario.physics.step_s), 1)
+        self._age_steps = reading_age_steps(scenario)
         self._now = self._nominal_motion(1)
         self._read = self._nominal_motion(self._age_steps)
         self._wrench = self._nominal_wrench()
@@ -50,19 +53,11 @@ class PathPrediction:
         self._piece = np.clip(piece, 0, len(knots) - 2)
         self._bend = motion.phase == PHASES.index("bend")
 
-    def _model(self, *, delay_cycles: int, channels: int, age_steps: int) -> ResponseModel:
-        return ResponseModel(
-            response=self.scenario.robot.response,
-            low_pass=NoFilterConfig(),
-            delay_cycles=delay_cycles,
-            steps=steps_per_cycle(self.scenario.physics.step_s),
-            age_steps=age_steps,
-            channels=channels,
-        )
-
     def _nominal_motion(self, age_steps: int) -> Vector:
         """Return x, z, α and their accelerations (n, 6), some steps before each cycle."""
-        model = self._model(delay_cycles=0, channels=3, age_steps=age_steps)
+        model = response_model(
+            self.scenario, delay_cycles=0, channels=3, low_pass=_NO_FILTER, age_steps=age_steps
+        )
         model.reset(self._pose[0])
         rows = np.empty((len(self._pose), 6))
         for row, pose in zip(rows, self._pose, strict=True):
@@ -74,17 +69,16 @@ class PathPrediction:
         """Return force x, z and moment (n, 3) on the sensing arm without any compliance."""
         scenario, count = self.scenario, len(self._pose)
         sheet = scenario.sheet.sheet()
-        give = ArmGive(arm_pair(scenario), joint_stiffness(scenario).tolist(), scenario.grasp)
+        arm = ArmCompliance(arm_pair(scenario), joint_stiffness(scenario), scenario.grasp)
         solved = np.unique([*range(0, count, _EVERY), count - 1])
-        wrenches, state = np.empty((len(solved), 3)), None
+        wrenches: Vector = np.empty((len(solved), 3))
+        state: RodState | None = None
         for row, cycle in zip(wrenches, solved.tolist(), strict=True):
-            x, z, alpha = self._now[cycle, :3].tolist()
-            compliance, _ = give.at(x, z, alpha)
+            x, _, alpha = pose = self._now[cycle, :3]
+            arm.move(pose)
+            compliance = arm.compliance + arm.grasp
             grips = np.array([x, 0.0, alpha] * 2)
-            both: Vector = np.zeros((6, 6))
-            both[:3, :3] = both[3:, 3:] = compliance + give.grasp
-            found = rest(sheet, grips, both, () if state is None else (state,))
-            state = found.state
+            state = find_equilibrium(sheet, grips, block_diag(compliance, compliance), state).state
             row[:] = sheet_wrench(state)[:3]
         every = np.arange(count)
         return np.stack([np.interp(every, solved, column) for column in wrenches.T], axis=1)
@@ -110,10 +104,14 @@ class PathPrediction:
         if admittance is None:
             return np.asarray(self._wrench[:, 2])
         delay, lever = self.scenario.robot.alter.delay_cycles, self.scenario.sensor.lever_arm_m
-        now = self._model(delay_cycles=delay, channels=2, age_steps=1)
-        read = self._model(delay_cycles=delay, channels=2, age_steps=self._age_steps)
-        low_pass = LowPass(self.scenario.filter, 3)
-        ago = self._age_steps / steps_per_cycle(self.scenario.physics.step_s)
+        now, read = (
+            response_model(
+                self.scenario, delay_cycles=delay, channels=2, low_pass=_NO_FILTER, age_steps=age
+            )
+            for age in (1, self._age_steps)
+        )
+        low_pass = LowPass(self.scenario.filter, 3, period_s=COMMAND_PERIOD_S)
+        ago = self._age_steps / steps_per_cycle(self.scenario.physics.step_s, COMMAND_PERIOD_S)
         moments = np.empty(len(self._pose))
         for n, pose in enumerate(self._pose):
             alpha = float(self._read[n, 2])
@@ -133,9 +131,7 @@ class PathPrediction:
             wrench = sheet - inertia @ (self._read[n, 3:] + sent @ acceleration) + error
             if n == 0:
                 low_pass.reset(wrench)
-            filtered = low_pass.update(wrench).tolist()
-            out = admittance.comply(filtered[0], filtered[1], filtered[2], pose)
-            deviation = np.array([out.dx_m, out.dalpha_rad])
+            deviation = admittance.comply(low_pass.update(wrench), PlanarPose(pose))
             now.send(deviation)
             read.send(deviation)
         return moments

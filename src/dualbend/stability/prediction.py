@@ -1,25 +1,25 @@
-"""Stability told before the run: the verdict on the admittance loop along a scenario's path."""
+"""Stability predicted before a run: the verdict on the admittance loop along a scenario's path."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from dataclasses import asdict
+from itertools import groupby, pairwise
 from typing import Literal
 
 import msgspec
 import numpy as np
 
+from dualbend.mechanics.coupling import ModeName
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.continuous import delayed_loop, paper_loop
-from dualbend.stability.margins import Sweep, loop_margins
-from dualbend.stability.mode import Mode
-from dualbend.stability.plant.coupling import ModeName
+from dualbend.stability.margins import loop_margins
 from dualbend.stability.plant.environment import Environment, environments
-from dualbend.stability.sampled import AxisName, LoopElements, SampledLoop
+from dualbend.stability.sampled import AxisName, LoopElements, environment_loops
 
 STEP_RAD = 0.05
-"""Distance of the bending angles that are looked at [rad]."""
+"""Distance of the bending angles that are evaluated [rad]."""
 
 SINGLE_AXES: tuple[Literal["x", "rotation"], ...] = ("x", "rotation")
 
@@ -27,12 +27,12 @@ SINGLE_AXES: tuple[Literal["x", "rotation"], ...] = ("x", "rotation")
 class Row(msgspec.Struct, frozen=True, kw_only=True):
     """The loop at one bending angle; null in JSON is an infinite margin or what does not apply.
 
-    ``moving``: which of the ways the arms can move is the least stable one. ``stiffness_*``: what
-    the loop feels between command and reading; ``inertia_*``: the tool's; ``softening_*``: by which
-    part arms and grasps in series lowered the stiffness. ``at_rest``: it is about the compliance's
-    own equilibrium, not the path's pose. ``paper_*``: (23), continuous without delay;
-    ``delayed_*``: continuous with the dead time and the true static compliance; both
-    of each axis alone, the worse one where axes are coupled.
+    ``moving``: the least stable of the modes in which the arms can move. ``stiffness_*``: between
+    command and reading; ``inertia_*``: the tool's; ``softening_*``: by which part arms and grasps
+    in series lowered the stiffness. ``at_rest``: linearised about the compliance's own equilibrium,
+    not the path's pose. ``paper_*``: (23), continuous without delay; ``delayed_*``: continuous with
+    the dead time and the true static compliance; both of each axis by itself, the worse one where
+    axes are coupled.
     """
 
     alpha_rad: float
@@ -90,18 +90,17 @@ def predict(scenario: Scenario, axis: AxisName = "coupled") -> Prediction:
             unstable_rad=(),
             rows=(),
         )
-    sweep = Sweep.of(elements)
-    rows = tuple(judge(elements, sweep, e, axis) for e in environments(scenario, alphas))
+    rows = tuple(evaluate(elements, e, axis) for e in environments(scenario, alphas))
     ranges = unstable_ranges([r.alpha_rad for r in rows], [r.growth_per_s for r in rows])
     worst = max(rows, key=lambda row: row.spectral_radius)
-    what = "grows by" if not worst.stable else "dies out by"
+    rate = "decay" if worst.stable else "growth"
     return Prediction(
         scenario=scenario.name,
         axis=axis,
         verdict="unstable" if ranges else "stable",
         reason=(
-            f"worst at {worst.alpha_rad:.2f} rad: {worst.frequency_hz:.2f} Hz {what} "
-            f"{abs(worst.growth_per_s):.2f} /s, gain margin {worst.gain_margin:.3g}"
+            f"worst at {worst.alpha_rad:.2f} rad: {worst.frequency_hz:.2f} Hz, {rate} rate "
+            f"{abs(worst.growth_per_s):.2f} 1/s, gain margin {worst.gain_margin:.3g}"
         ),
         unstable_rad=ranges,
         rows=rows,
@@ -111,20 +110,14 @@ def predict(scenario: Scenario, axis: AxisName = "coupled") -> Prediction:
 def acting_angles(
     scenario: Scenario, elements: LoopElements, axis: AxisName
 ) -> tuple[list[float], str]:
-    """Return the angles to look at: every 0.05 rad from where an axis acts to the path's end.
+    """Return the angles to evaluate: every 0.05 rad from where an axis acts to the path's end.
 
     None, and the reason, where no axis ever acts.
     """
     names = [name for name in SINGLE_AXES if axis in (name, "coupled")]
     parts = [part for name in names if (part := getattr(elements.admittance, name)) is not None]
     if not scenario.compliance.complying or not parts:
-        of = (
-            ""
-            if axis == "coupled"
-            else f" about {axis}"
-            if axis == "rotation"
-            else f" along {axis}"
-        )
+        of = {"coupled": "", "rotation": " about rotation", "x": " along x"}[axis]
         return [], f"no compliance{of}"
     start, end = scenario.path.start_rad, scenario.path.end_rad
     switches = [max(part.from_alpha_rad, start) for part in parts]
@@ -136,17 +129,14 @@ def acting_angles(
     return sorted(grid | {end} | {s for s in switches if s <= end}), ""
 
 
-def judge(elements: LoopElements, sweep: Sweep, at: Environment, axis: AxisName) -> Row:
-    """Judge one bending angle by the least stable way in which the arms can move."""
+def evaluate(elements: LoopElements, at: Environment, axis: AxisName) -> Row:
+    """Evaluate one bending angle by the least stable mode in which the arms can move."""
     acting = elements.acting(axis, at.alpha_rad)
-    loops = {
-        way: SampledLoop(elements, k, acting, at.inertia, at.arms[way], at.alpha_rad)
-        for way, k in at.loops.items()
-    }
-    modes: dict[ModeName, Mode] = {way: loop.mode() for way, loop in loops.items()}
-    way = max(modes, key=lambda name: modes[name].spectral_radius)
-    mode, stiffness, rigid = modes[way], np.diag(at.loops[way]), np.diag(at.rigid_loops[way])
-    found = loop_margins(loops[way], sweep, stable=mode.stable)
+    loops = environment_loops(elements, at, acting)
+    modes = {name: loop.mode() for name, loop in loops.items()}
+    least = max(modes, key=lambda name: modes[name].spectral_radius)
+    mode, stiffness, rigid = modes[least], np.diag(at.loops[least]), np.diag(at.rigid_loops[least])
+    found = loop_margins(loops[least], stable=mode.stable)
     axes = tuple(name for name, acts in zip(SINGLE_AXES, acting, strict=True) if acts)
     each = {name: float(stiffness[SINGLE_AXES.index(name)]) for name in axes}
     plain = elements.plain(at.alpha_rad)
@@ -154,11 +144,11 @@ def judge(elements: LoopElements, sweep: Sweep, at: Environment, axis: AxisName)
         delayed_loop(plain, name, k, max(mode.frequency_hz, 0.1)).margins().gain
         for name, k in each.items()
     ]
-    # An axis that feels nothing of the sheet has nothing to be softened.
+    # An axis without any stiffness of the sheet has nothing to be softened.
     softening = 1.0 - np.divide(stiffness, rigid, out=np.ones_like(rigid), where=rigid != 0.0)
     return Row(
         alpha_rad=at.alpha_rad,
-        moving=way,
+        moving=least,
         axes=axes,
         at_rest=at.settled,
         stiffness_x_n_per_m=float(stiffness[0]),
@@ -168,10 +158,7 @@ def judge(elements: LoopElements, sweep: Sweep, at: Environment, axis: AxisName)
         softening_x=float(softening[0]),
         softening_rotation=float(softening[1]),
         stable=mode.stable,
-        spectral_radius=mode.spectral_radius,
-        growth_per_s=mode.growth_per_s,
-        frequency_hz=mode.frequency_hz,
-        damping_ratio=mode.damping_ratio,
+        **asdict(mode),
         gain_margin=found.gain,
         gain_margin_db=found.gain_db,
         phase_margin_deg=math.degrees(found.phase_rad),
@@ -192,16 +179,9 @@ def unstable_ranges(
         if (g < 0.0) != (h < 0.0):
             points.append((a + (b - a) * g / (g - h), 0.0))
         points.append((b, h))
-    ranges: list[tuple[float, float]] = []
-    begin: float | None = None
-    last = alphas_rad[0]
-    for alpha, growth in points:
-        if growth >= 0.0 and begin is None:
-            begin = alpha
-        elif growth < 0.0 and begin is not None:
-            ranges.append((begin, last))
-            begin = None
-        last = alpha
-    if begin is not None:
-        ranges.append((begin, last))
-    return tuple(ranges)
+    unstable = [
+        [alpha for alpha, _ in group]
+        for grows, group in groupby(points, key=lambda point: point[1] >= 0.0)
+        if grows
+    ]
+    return tuple((alphas[0], alphas[-1]) for alphas in unstable)

@@ -16,19 +16,31 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
-from dualbend.control.compliance.admittance import DEG_PER_RAD, MM_PER_M, Admittance, AdmittanceAxis
+from dualbend.control.compliance.admittance import (
+    DEG_PER_RAD,
+    MM_PER_M,
+    Admittance,
+    AdmittanceAxis,
+    AxisConfig,
+)
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
 from dualbend.control.response import CommandResponse
 from dualbend.errors import InputError
-from dualbend.run.known_sheet import make_admittance
+from dualbend.mechanics.coupling import ModeName
+from dualbend.run.known_sheet import make_admittance, reading_age_steps
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.controller import controller_blocks, plain_admittance
+from dualbend.stability.controller import controller_system, plain_admittance
 from dualbend.stability.mode import Mode, describe_mode
-from dualbend.stability.plant.arm import YieldingArm
-from dualbend.stability.state_space import Blocks, parallel, rational, realised
-from dualbend.types import Vector
+from dualbend.stability.plant.arm import CompliantArm
+from dualbend.stability.plant.environment import Environment
+from dualbend.stability.state_space import (
+    StateSpace,
+    from_transfer_function,
+    parallel,
+    rational,
+)
 
 ComplexVector = NDArray[np.complex128]
 AxisName = Literal["x", "rotation", "coupled"]
@@ -57,14 +69,13 @@ class LoopElements:
     @classmethod
     def from_scenario(cls, scenario: Scenario) -> LoopElements:
         """Build the elements from the configurations that the run builds them from."""
-        step_s = scenario.physics.step_s
+        steps = steps_per_cycle(scenario.physics.step_s, COMMAND_PERIOD_S)
         return cls(
-            response=CommandResponse(scenario.robot.response, 1, steps_per_cycle(step_s)),
-            low_pass=LowPass(scenario.filter, 1),
+            response=CommandResponse(scenario.robot.response, 1, steps, period_s=COMMAND_PERIOD_S),
+            low_pass=LowPass(scenario.filter, 1, period_s=COMMAND_PERIOD_S),
             delay=TransportDelay(scenario.robot.alter.delay_cycles, 1),
             admittance=make_admittance(scenario),
-            # As in scene.simulation: the force that acts during a step is known when it is done.
-            age_steps=max(scenario.sensor.latency_steps(step_s), 1),
+            age_steps=reading_age_steps(scenario),
         )
 
     def acting(self, axis: AxisName, alpha_rad: float = math.inf) -> tuple[bool, bool]:
@@ -90,7 +101,7 @@ class LoopElements:
 
     def axis(self, name: Literal["x", "rotation"]) -> AdmittanceAxis:
         """Return the filter of an axis; InputError where it is off."""
-        part = self.admittance.x if name == "x" else self.admittance.rotation
+        part: AdmittanceAxis | None = getattr(self.admittance, name)
         if part is None:
             raise InputError(f"compliance.{name} is off: nothing to analyse")
         return part
@@ -99,18 +110,9 @@ class LoopElements:
         """Return b [N s/m] or [N m s/rad] and k [N/m] or [N m/rad] that were configured."""
         self.axis(name)
         config = self.admittance.config
-        given = config.x if name == "x" else config.rotation
-        assert given is not None
+        given: AxisConfig = getattr(config, name)
         factor = si_per_unit(config.units, name)
         return given.b * factor, given.k * factor
-
-    def shared_gain(self, z_inverse: ComplexVector) -> ComplexVector:
-        """Return what both axes share (n, 2): deviation sent → position, acceleration, filtered."""
-        chain = _actuator(self)
-        identity = np.eye(chain.a.shape[0])
-        solved = np.linalg.solve(identity / z_inverse[:, None, None] - chain.a, chain.b[None])
-        filtered = rational(self.low_pass.transfer_function(), z_inverse)
-        return np.asarray((chain.c @ solved)[:, :, 0] * filtered[:, np.newaxis])
 
 
 def si_per_unit(units: str, name: Literal["x", "rotation"]) -> float:
@@ -120,7 +122,7 @@ def si_per_unit(units: str, name: Literal["x", "rotation"]) -> float:
     return MM_PER_M if name == "x" else DEG_PER_RAD
 
 
-def _actuator(elements: LoopElements) -> Blocks:
+def _actuator(elements: LoopElements) -> StateSpace:
     """Return one axis from the deviation sent to position and acceleration as old as a reading."""
     response = elements.response
     a, b, c, _ = response.state_space()
@@ -132,12 +134,17 @@ def _actuator(elements: LoopElements) -> Blocks:
     d = np.zeros((2, 1))
     if cycles and row >= 0:
         c, d = response.outputs_at(row)
-    robot = realised(elements.delay.transfer_function()).then(Blocks(a=a, b=b, c=c, d=d))
-    return robot.then(parallel([realised(TransportDelay(cycles, 1).transfer_function())] * 2))
+    delay, age = (
+        from_transfer_function(part.transfer_function())
+        for part in (elements.delay, TransportDelay(cycles, 1))
+    )
+    return delay.series(StateSpace(a=a, b=b, c=c, d=d)).series(parallel([age] * 2))
 
 
 class SampledLoop:
-    """The closed loop of one arm, or of both moving alike, at one bending angle.
+    """The closed loop of one arm, or of both in one mode, at one bending angle.
+
+    ``closed`` is its state space, from a wrench added to the readings to the deviations.
 
     Parameters
     ----------
@@ -169,116 +176,80 @@ class SampledLoop:
         stiffness: ArrayLike,
         acting: tuple[bool, bool] = (True, True),
         inertia: ArrayLike | None = None,
-        arm: YieldingArm | None = None,
+        arm: CompliantArm | None = None,
         alpha_rad: float | None = None,
     ) -> None:
         matrix = np.asarray(stiffness, dtype=np.float64)
         if matrix.shape != (2, 2) or not np.isfinite(matrix).all():
             raise InputError(f"stiffness must be a finite (2, 2) matrix, got {matrix!r}")
-        axes = [
-            part
-            for part, wanted in zip(
-                (elements.admittance.x, elements.admittance.rotation), acting, strict=True
-            )
-            if wanted
-        ]
-        self.filters = [part for part in axes if part is not None]
-        if not self.filters or len(self.filters) != len(axes):
+        given = elements.admittance
+        axes = [a for a, wanted in zip((given.x, given.rotation), acting, strict=True) if wanted]
+        filters = [part for part in axes if part is not None]
+        if not filters or len(filters) != len(axes):
             raise InputError("no admittance axis takes part in the loop")
-        model = elements.admittance
-        self._model: Blocks | None = None
-        self.elements, self.acting = elements, acting
-        if isinstance(model, ModelAdmittance):
+        low_pass = elements.low_pass
+        self._low_pass = low_pass.transfer_function()
+        if isinstance(given, ModelAdmittance):
             if alpha_rad is None:
                 raise InputError("an admittance with a model needs alpha_rad")
-            low_pass = elements.low_pass
-            self._model = controller_blocks(model, alpha_rad, acting, _actuator(elements), low_pass)
+            self.admittance = controller_system(
+                given, alpha_rad, acting, _actuator(elements), low_pass
+            )
             # It reads both loads whatever complies; the deviation of an axis at rest is 0.
             acting = (True, True)
-        self._size = sum(acting)
-        self.stiffness = matrix[np.ix_(acting, acting)]
-        mass = np.zeros((2, 2)) if inertia is None else np.asarray(inertia, dtype=np.float64)
-        self.inertia = mass[np.ix_(acting, acting)]
-        self._arm = arm
-        if arm:
-            # At least one step, as in the simulation, which has no reading of this very instant.
-            age = max(elements.age_steps, 1)
-            self._cycle, self._cycles_of_age = arm.cycle(elements.response, age, acting)
-        self._robot = self._yielding() if arm else self._rigid()
-        low_passes = parallel([realised(elements.low_pass.transfer_function())] * self._size)
-        self._controller = (
-            low_passes.then(self._model)
-            if self._model
-            else parallel(
-                realised(elements.low_pass.transfer_function()).then(
-                    realised(part.transfer_function())
-                )
-                for part in self.filters
+        else:
+            self.admittance = parallel(
+                from_transfer_function(part.transfer_function()) for part in filters
             )
-        )
-        self._close()
-
-    def _rigid(self) -> Blocks:
-        size = self._size
-        read = np.stack([self.stiffness, self.inertia], axis=-1).reshape(size, 2 * size)
-        return parallel([_actuator(self.elements)] * size).scaled(-read)
-
-    def _yielding(self) -> Blocks:
-        """Return delay, robot under load and age, from deviations to the wrench read."""
-        elements, size = self.elements, self._size
-        delay = realised(elements.delay.transfer_function())
-        age = realised(TransportDelay(self._cycles_of_age, 1).transfer_function())
-        return parallel([delay] * size).then(self._cycle).then(parallel([age] * size))
-
-    def _close(self) -> None:
-        p, q = self._robot, self._controller
-        # The robot's output never depends on this cycle's input: a reading is older than that.
-        assert not p.d.any()
-        self.a = np.block([[p.a + p.b @ q.d @ p.c, p.b @ q.c], [q.b @ p.c, q.a]])
-        self.b = np.vstack([p.b @ q.d, q.b])
-        self.c = np.hstack([q.d @ p.c, q.c])
-        self.d = q.d
-
-    def response(self, disturbance: Vector) -> Vector:
-        """Return the deviations (n, axes) that a wrench (n, axes) added to the readings makes."""
-        state, out = np.zeros(self.a.shape[0]), np.empty_like(disturbance)
-        for cycle, wrench in enumerate(disturbance):
-            out[cycle] = self.c @ state + self.d @ wrench
-            state = self.a @ state + self.b @ wrench
-        return out
+        size = sum(acting)
+        if arm:
+            self._plant = _compliant_plant(elements, arm, acting)
+        else:
+            mass = np.zeros((2, 2)) if inertia is None else np.asarray(inertia, dtype=np.float64)
+            read = np.stack([part[np.ix_(acting, acting)] for part in (matrix, mass)], axis=-1)
+            plant = parallel([_actuator(elements)] * size)
+            self._plant = plant.scaled(-read.reshape(size, 2 * size))
+        filtered = parallel([from_transfer_function(self._low_pass)] * size)
+        self.closed = filtered.series(self.admittance).feedback(self._plant)
 
     def mode(self) -> Mode:
         """Return the dominant mode of the cycle."""
-        values = np.linalg.eigvals(self.a)
-        z = values[np.argmax(np.abs(values))]
-        return describe_mode(complex(z))
+        return describe_mode(self.closed.dominant_pole)
 
-    def open_loop(
-        self, z_inverse: ComplexVector, shared: ComplexVector | None = None
-    ) -> ComplexVector:
+    def open_loop(self, z_inverse: ComplexVector) -> ComplexVector:
         """Return L (n, axes, axes), broken at the admittance's output; det(I + L) = 0 closes it."""
-        if self._arm:
-            wrench = self.felt(z_inverse)
-        else:
-            common = self.elements.shared_gain(z_inverse) if shared is None else shared
-            read = np.stack([self.stiffness.ravel(), self.inertia.ravel()])
-            wrench = (common @ read).reshape(-1, *self.stiffness.shape)
-        if self._model:
-            return np.asarray(self._model.at(z_inverse) @ wrench)
-        gains = np.stack(
-            [rational(f.transfer_function(), z_inverse) for f in self.filters], axis=-1
-        )
-        return np.asarray(gains[:, :, None] * wrench)
+        response = self.wrench_response(z_inverse)
+        return np.asarray(self.admittance.frequency_response(z_inverse) @ response)
+
+    def wrench_response(self, z_inverse: ComplexVector) -> ComplexVector:
+        """Return the filtered wrench (n, axes, axes) that is lost per deviation commanded."""
+        filtered = rational(self._low_pass, z_inverse)
+        return np.asarray(-self._plant.frequency_response(z_inverse) * filtered[:, None, None])
 
     @property
     def controller_stable(self) -> bool:
         """The controller by itself is stable, as the margins take for granted."""
-        if self._model is None:
-            return True
-        return bool(np.abs(np.linalg.eigvals(self._model.a)).max(initial=0.0) < 1.0)
+        return abs(self.admittance.dominant_pole) < 1.0
 
-    def felt(self, z_inverse: ComplexVector) -> ComplexVector:
-        """Return the filtered wrench (n, axes, axes) that is lost per deviation sent."""
-        filtered = rational(self.elements.low_pass.transfer_function(), z_inverse)
-        late = z_inverse ** (self.elements.delay.cycles + self._cycles_of_age)
-        return np.asarray(-self._cycle.at(z_inverse) * (filtered * late)[:, None, None])
+
+def _compliant_plant(
+    elements: LoopElements, arm: CompliantArm, acting: tuple[bool, bool]
+) -> StateSpace:
+    """Return delay, robot under load and age, from deviations to the wrench read."""
+    # At least one step, as in the simulation, which has no reading of this very instant.
+    cycle, cycles = arm.cycle(elements.response, max(elements.age_steps, 1), acting)
+    delay, age = (
+        parallel([from_transfer_function(part.transfer_function())] * sum(acting))
+        for part in (elements.delay, TransportDelay(cycles, 1))
+    )
+    return delay.series(cycle).series(age)
+
+
+def environment_loops(
+    elements: LoopElements, at: Environment, acting: tuple[bool, bool]
+) -> dict[ModeName, SampledLoop]:
+    """Return the sampled loop of each mode in which the arms can move at one bending angle."""
+    return {
+        mode: SampledLoop(elements, stiffness, acting, at.inertia, at.arms[mode], at.alpha_rad)
+        for mode, stiffness in at.loops.items()
+    }

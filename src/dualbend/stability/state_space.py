@@ -1,4 +1,4 @@
-"""Discrete linear systems as blocks: in series, side by side, and from a transfer function."""
+"""Discrete linear systems: in series, side by side, in feedback, and from a transfer function."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ComplexVector = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blocks:
+class StateSpace:
     """A discrete system x⁺ = A x + B u, y = C x + D u."""
 
     a: Vector
@@ -24,21 +24,50 @@ class Blocks:
     c: Vector
     d: Vector
 
-    def then(self, after: Blocks) -> Blocks:
+    def series(self, after: StateSpace) -> StateSpace:
         """Return this system followed by another one."""
         n, m = self.a.shape[0], after.a.shape[0]
-        return Blocks(
+        return StateSpace(
             a=np.block([[self.a, np.zeros((n, m))], [after.b @ self.c, after.a]]),
             b=np.vstack([self.b, after.b @ self.d]),
             c=np.hstack([after.d @ self.c, after.c]),
             d=after.d @ self.d,
         )
 
-    def scaled(self, matrix: Vector) -> Blocks:
+    def scaled(self, matrix: Vector) -> StateSpace:
         """Return this system with its output multiplied."""
-        return Blocks(a=self.a, b=self.b, c=matrix @ self.c, d=matrix @ self.d)
+        return StateSpace(a=self.a, b=self.b, c=matrix @ self.c, d=matrix @ self.d)
 
-    def at(self, z_inverse: ComplexVector) -> ComplexVector:
+    def feedback(self, back: StateSpace) -> StateSpace:
+        """Return y = self(u + back(y)); ``back`` knows the past only, so that its D is 0."""
+        assert not back.d.any()
+        return StateSpace(
+            a=np.block(
+                [
+                    [self.a, self.b @ back.c],
+                    [back.b @ self.c, back.a + back.b @ self.d @ back.c],
+                ]
+            ),
+            b=np.vstack([self.b, back.b @ self.d]),
+            c=np.hstack([self.c, self.d @ back.c]),
+            d=self.d,
+        )
+
+    def simulate(self, inputs: Vector) -> Vector:
+        """Return the outputs (n, outputs) to inputs (n, inputs) from rest, cycle by cycle."""
+        state, out = np.zeros(self.a.shape[0]), np.empty((len(inputs), self.c.shape[0]))
+        for cycle, given in enumerate(inputs):
+            out[cycle] = self.c @ state + self.d @ given
+            state = self.a @ state + self.b @ given
+        return out
+
+    @property
+    def dominant_pole(self) -> complex:
+        """The eigenvalue of A with the largest magnitude; 0 of a system without states."""
+        poles = np.linalg.eigvals(self.a)
+        return complex(poles[np.argmax(np.abs(poles))]) if poles.size else 0j
+
+    def frequency_response(self, z_inverse: ComplexVector) -> ComplexVector:
         """Return C (z − A)⁻¹ B + D (n, outputs, inputs) where z⁻¹ (n,) is given."""
         # With A = Q T Qᴴ, T triangular, all frequencies are substituted back at once.
         triangle, basis = linalg.schur(self.a, output="complex")
@@ -54,22 +83,21 @@ class Blocks:
         return np.asarray(np.stack(out, axis=1) + self.d)
 
 
-def parallel(parts: Iterable[Blocks]) -> Blocks:
+def static(matrix: Vector) -> StateSpace:
+    """Return y = D u, without states."""
+    rows, columns = matrix.shape
+    return StateSpace(
+        a=np.zeros((0, 0)), b=np.zeros((0, columns)), c=np.zeros((rows, 0)), d=np.asarray(matrix)
+    )
+
+
+def parallel(parts: Iterable[StateSpace]) -> StateSpace:
     """Return systems side by side, each with its own input and output."""
     items = list(parts)
     a, b, c, d = (
-        _diagonal([getattr(item, name) for item in items]) for name in ("a", "b", "c", "d")
+        linalg.block_diag(*(getattr(item, name) for item in items)) for name in ("a", "b", "c", "d")
     )
-    return Blocks(a=a, b=b, c=c, d=d)
-
-
-def _diagonal(matrices: list[Vector]) -> Vector:
-    """Return matrices, also empty ones, along the diagonal of one."""
-    rows, columns = np.cumsum([(0, 0), *(m.shape for m in matrices)], axis=0).T
-    whole = np.zeros((rows[-1], columns[-1]))
-    for i, matrix in enumerate(matrices):
-        whole[rows[i] : rows[i + 1], columns[i] : columns[i + 1]] = matrix
-    return whole
+    return StateSpace(a=a, b=b, c=c, d=d)
 
 
 def rational(transfer: TransferFunction, z_inverse: ComplexVector) -> ComplexVector:
@@ -80,7 +108,7 @@ def rational(transfer: TransferFunction, z_inverse: ComplexVector) -> ComplexVec
     )
 
 
-def realised(transfer: TransferFunction) -> Blocks:
+def from_transfer_function(transfer: TransferFunction) -> StateSpace:
     """Return (numerator, denominator) in powers of z⁻¹ as observable canonical form."""
     numerator, denominator = transfer
     order = max(numerator.size, denominator.size) - 1
@@ -89,4 +117,4 @@ def realised(transfer: TransferFunction) -> Blocks:
     a = np.eye(order, k=1)
     a[:, :1] = -d[1:, np.newaxis]
     c = np.eye(1, order)
-    return Blocks(a=a, b=(n - d * n[0])[1:, np.newaxis], c=c, d=n[:1, np.newaxis])
+    return StateSpace(a=a, b=(n - d * n[0])[1:, np.newaxis], c=c, d=n[:1, np.newaxis])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,13 @@ from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
 from dualbend.errors import InputError, writing
 from dualbend.evaluation.metrics import peak_by_piece
 from dualbend.run.known_sheet import make_admittance
-from dualbend.scenario.scenario import Scenario
-from dualbend.stability.margins import Sweep, loop_margins
+from dualbend.run.make import make_run
+from dualbend.scenario.scenario import Scenario, without_none
+from dualbend.stability.margins import loop_margins
 from dualbend.stability.path_prediction import PathPrediction
 from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.prediction import predict
-from dualbend.stability.sampled import LoopElements, SampledLoop
-from dualbend.task.bending.run import BendingRun
+from dualbend.stability.sampled import LoopElements, environment_loops
 
 BEYOND_THE_PAPER = ModelAdmittanceConfig(
     units="sheet",
@@ -46,14 +46,14 @@ _ANGLE_STEP_RAD = 0.1
 
 
 class Margin(msgspec.Struct, frozen=True, kw_only=True):
-    """The least margins along the path: gain [dB], phase [degrees]; both −inf where unstable."""
+    """The smallest margins along the path: gain [dB], phase [degrees]; both −inf where unstable."""
 
     gain_db: float
     phase_deg: float
 
-    def fulfils(self, least: Margin) -> bool:
+    def fulfils(self, required: Margin) -> bool:
         """Neither is below what is required."""
-        return self.gain_db >= least.gain_db and self.phase_deg >= least.phase_deg
+        return self.gain_db >= required.gain_db and self.phase_deg >= required.phase_deg
 
 
 class Candidate(msgspec.Struct, frozen=True, kw_only=True):
@@ -70,10 +70,10 @@ class Candidate(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Tuning(msgspec.Struct, frozen=True, kw_only=True):
-    """What a search found, and what the simulation made of it.
+    """The result of a search, and of the simulation with it.
 
     ``without``: predicted peaks by piece without compliance; ``simulated``: peaks by piece, one row
-    a seed; ``verified``: the margins that `dualbend stability` tells of the result.
+    per seed; ``verified``: the margins that `dualbend stability` predicts for the result.
     """
 
     scenario: Scenario
@@ -87,15 +87,14 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
 def tune(
     scenario: Scenario,
     *,
-    least: Margin,
+    required: Margin,
     seeds: Sequence[int] = (1, 2, 3),
-    on_try: Callable[[Candidate], None] | None = None,
 ) -> Tuning:
     """Search the time constants of a scenario's compliance.
 
     The scenario's own compliance is the start where it has a schedule, else `BEYOND_THE_PAPER`.
-    b of both axes and the leads that are given are changed one after the other by factors; what
-    has less than the required margins is not taken.
+    b of both axes and the leads that are given are changed one after the other by factors; gains
+    with less than the required margins are not taken.
 
     Raises InputError where not even slower gains have the required margins.
     """
@@ -106,12 +105,13 @@ def tune(
     if isinstance(given, ModelAdmittanceConfig) and given.schedule:
         compliance = given
     start = msgspec.structs.replace(scenario, compliance=compliance)
-    search = _Search(start, least, seeds, on_try)
+    search = _Search(start, required, seeds)
     found = search.run()
     tuned = msgspec.structs.replace(
         start, name=f"{scenario.name}-tuned", compliance=found.compliance
     )
     rows = predict(tuned).rows
+    stable = all(row.stable for row in rows)
     return Tuning(
         scenario=tuned,
         found=found,
@@ -119,34 +119,27 @@ def tune(
         without=tuple(search.path.peaks(None, search.noises[0]).tolist()),
         simulated=tuple(_simulated(tuned, seed) for seed in seeds),
         verified=Margin(
-            gain_db=min(row.gain_margin_db if row.stable else -math.inf for row in rows),
-            phase_deg=min(row.phase_margin_deg if row.stable else -math.inf for row in rows),
+            gain_db=min(row.gain_margin_db for row in rows) if stable else -math.inf,
+            phase_deg=min(row.phase_margin_deg for row in rows) if stable else -math.inf,
         ),
     )
 
 
 def _simulated(scenario: Scenario, seed: int) -> tuple[float, ...]:
-    result = BendingRun(msgspec.structs.replace(scenario, seed=seed)).run()
+    result = make_run(msgspec.structs.replace(scenario, seed=seed)).run()
     if result.outcome != "completed":
         raise InputError(f"the simulation with the gains found ended as {result.outcome}")
     return tuple(peak_by_piece(result))
 
 
 class _Search:
-    """Change one gain after the other as long as that helps."""
+    """Coordinate search: change one gain after the other as long as the cost falls."""
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        least: Margin,
-        seeds: Sequence[int],
-        on_try: Callable[[Candidate], None] | None,
-    ) -> None:
-        self.scenario, self.least, self.tried = scenario, least, 0
+    def __init__(self, scenario: Scenario, required: Margin, seeds: Sequence[int]) -> None:
+        self.scenario, self.required, self.tried = scenario, required, 0
         self.path = PathPrediction(scenario)
         self.noises = [self.path.noise(seed) for seed in seeds]
-        self._on_try = on_try
-        # Of the start's gains: with a force reference the state of rest hardly depends on them.
+        # Of the start's gains: with a force reference the equilibrium hardly depends on them.
         first, last = scenario.path.start_rad, scenario.path.end_rad
         count = math.ceil((last - first) / _ANGLE_STEP_RAD) + 1
         angles = sorted({*np.linspace(first, last, count).tolist(), min(first + 0.05, last)})
@@ -155,15 +148,14 @@ class _Search:
     def run(self) -> Candidate:
         """Return the best candidate."""
         best = self._first()
-        knobs = [name for name, value in _knobs(best.compliance).items() if value is not None]
         for factor in _STEPS:
             better = True
             while better:
                 better = False
-                for name in knobs:
+                for name in _knobs(best.compliance):
                     for by in (1.0 / factor, factor):
                         tried = self._try(_turned(best.compliance, name, by))
-                        if tried and tried.margin.fulfils(self.least) and tried.cost < best.cost:
+                        if tried and tried.margin.fulfils(self.required) and tried.cost < best.cost:
                             best, better = tried, True
                             break
         return best
@@ -174,59 +166,53 @@ class _Search:
         assert isinstance(compliance, ModelAdmittanceConfig)
         for _ in range(12):
             tried = self._try(compliance)
-            if tried is not None and tried.margin.fulfils(self.least):
+            if tried is not None and tried.margin.fulfils(self.required):
                 return tried
-            for name, value in _knobs(compliance).items():
-                if value is not None:
-                    compliance = _turned(compliance, name, _STEPS[0]) or compliance
+            for name in _knobs(compliance):
+                compliance = _turned(compliance, name, _STEPS[0]) or compliance
         raise InputError(
-            f"no gains have {self.least.gain_db:g} dB and {self.least.phase_deg:g} degrees of "
-            "margin along this path; ask for less or let the compliance begin later"
+            f"no gains have {self.required.gain_db:g} dB and {self.required.phase_deg:g} degrees "
+            "of margin along this path; ask for less or let the compliance begin later"
         )
 
     def _try(self, compliance: ModelAdmittanceConfig | None) -> Candidate | None:
         if compliance is None:
             return None
         scenario = msgspec.structs.replace(self.scenario, compliance=compliance)
-        margin = least_margin(scenario, self._places)
+        margin = min_margin(scenario, self._places)
         peaks: tuple[float, ...] = ()
-        if margin.fulfils(self.least):
+        if margin.fulfils(self.required):
             each = [self.path.peaks(make_admittance(scenario), noise) for noise in self.noises]
             peaks = tuple(np.mean(each, axis=0).tolist())
         self.tried += 1
-        candidate = Candidate(compliance=compliance, margin=margin, peaks=peaks)
-        if self._on_try:
-            self._on_try(candidate)
-        return candidate
+        return Candidate(compliance=compliance, margin=margin, peaks=peaks)
 
 
-def least_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
-    """Return the least margins of the sampled loop at places of the path."""
+def min_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
+    """Return the smallest margins of the sampled loop at places of the path."""
     elements = LoopElements.from_scenario(scenario)
-    sweep = Sweep.of(elements)
     gain, phase = math.inf, math.inf
     for at in places:
         acting = elements.acting("coupled", at.alpha_rad)
         if not any(acting):
             continue
-        for way, stiffness in at.loops.items():
-            loop = SampledLoop(elements, stiffness, acting, at.inertia, at.arms[way], at.alpha_rad)
+        for loop in environment_loops(elements, at, acting).values():
             if not (loop.mode().stable and loop.controller_stable):
                 return Margin(gain_db=-math.inf, phase_deg=-math.inf)
-            found = loop_margins(loop, sweep, stable=True)
+            found = loop_margins(loop, stable=True)
             gain, phase = min(gain, found.gain_db), min(phase, math.degrees(found.phase_rad))
     return Margin(gain_db=gain, phase_deg=phase)
 
 
-def _knobs(config: ModelAdmittanceConfig) -> dict[str, float | None]:
-    """Return what the search changes: times [s], None where there is no such thing."""
-    predictor = config.predictor
-    return {
-        "x.b": config.x.b if config.x else None,
-        "rotation.b": config.rotation.b if config.rotation else None,
-        "predictor.lead_x_s": predictor.lead_x_s if predictor else None,
-        "predictor.lead_rotation_s": predictor.lead_rotation_s if predictor else None,
-    }
+def _knobs(config: ModelAdmittanceConfig) -> dict[str, float]:
+    """Return what the search changes of a compliance: times [s] by section and key."""
+    found: dict[str, float] = {}
+    for knob in ("x.b", "rotation.b", "predictor.lead_x_s", "predictor.lead_rotation_s"):
+        section, key = knob.split(".")
+        value = getattr(getattr(config, section), key, None)
+        if value is not None:
+            found[knob] = value
+    return found
 
 
 def _turned(
@@ -250,16 +236,7 @@ def write_scenario(tuning: Tuning, base: str, path: Path) -> None:
         "extends": extends,
         "name": tuning.scenario.name,
         "description": f"{base} with gains found by dualbend tune",
-        "compliance": _given(msgspec.to_builtins(tuning.found.compliance)),
+        "compliance": without_none(msgspec.to_builtins(tuning.found.compliance)),
     }
     with writing(path, "--out"):
         path.write_text(tomli_w.dumps(table), encoding="utf-8")
-
-
-def _given(table: dict[str, Any]) -> dict[str, Any]:
-    """Leave out what is not set: TOML has no null."""
-    return {
-        key: _given(value) if isinstance(value, dict) else value
-        for key, value in table.items()
-        if value is not None
-    }

@@ -3,6 +3,9 @@
 import math
 
 import msgspec
+import numpy as np
+
+from dualbend.types import Vector
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
@@ -34,6 +37,21 @@ def relative(
     size = abs(reference) if scale is None else scale
     error = abs(measured - reference) / size if size else math.nan
     return _row(f"{name} (relative)", measured, reference, unit, error, tolerance)
+
+
+def worst(
+    name: str,
+    measured: Vector,
+    reference: Vector,
+    unit: str,
+    tolerance: float,
+    scale: Vector | float,
+) -> Row:
+    """Return the relative row of the point with the largest error; NaN is larger than anything."""
+    error = np.abs((measured - reference) / scale)
+    i = int(np.argmax(np.where(np.isnan(error), np.inf, error)))
+    size = float(np.broadcast_to(scale, error.shape)[i])
+    return relative(name, measured[i], reference[i], unit, tolerance, size)
 
 
 def absolute(name: str, measured: float, reference: float, unit: str, tolerance: float) -> Row:

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from dualbend.validation.cases import arm as validation_arm
-from dualbend.validation.cases import assembly as validation_assembly
-from dualbend.validation.cases import cell as validation_cell
-from dualbend.validation.cases import material as validation_material
-from dualbend.validation.cases import modes as validation_modes
-from dualbend.validation.cases import runs as validation_runs
-from dualbend.validation.cases import sheet as validation_sheet
-from dualbend.validation.cases import shell as validation_shell
-from dualbend.validation.cases import space as validation_space
-from dualbend.validation.cases import urdf as validation_urdf
+from dualbend.validation.cases import (
+    arm,
+    assembly,
+    cell,
+    material,
+    modes,
+    runs,
+    sheet,
+    space,
+    urdf,
+)
+from dualbend.validation.cases import shell as plate
 from dualbend.validation.row import Row
 
 __all__ = ["Row", "run_arm_validation", "run_validation"]
@@ -29,7 +31,7 @@ def run_validation(
 
     With ``shell`` the rows are those of the plate instead, which take a minute.
     """
-    return _collect(validation_shell.shell_rows() if shell else _rows(), on_row)
+    return _collect(plate.shell_rows() if shell else _rows(), on_row)
 
 
 def run_arm_validation(name: str, on_row: Callable[[Row], None] | None = None) -> list[Row]:
@@ -40,7 +42,7 @@ def run_arm_validation(name: str, on_row: Callable[[Row], None] | None = None) -
     InputError
         No such arm, or it cannot do the paper's experiment: nothing can be measured then.
     """
-    return _collect(validation_urdf.arm_rows(name), on_row)
+    return _collect(urdf.arm_rows(name), on_row)
 
 
 def _collect(found: Iterator[Row], on_row: Callable[[Row], None] | None) -> list[Row]:
@@ -53,21 +55,21 @@ def _collect(found: Iterator[Row], on_row: Callable[[Row], None] | None) -> list
 
 
 def _rows() -> Iterator[Row]:
-    yield from validation_sheet.load_rows()
-    yield validation_sheet.order_row()
-    yield from validation_material.laminate_rows()
-    yield from validation_material.springback_rows()
-    yield from validation_modes.frequency_rows()
-    yield from validation_space.space_rows()
-    yield from validation_arm.table_rows()
-    yield from validation_cell.response_rows()
-    yield from validation_cell.stiffness_rows()
-    yield from validation_arm.held_weight_rows()
-    yield from validation_cell.weight_rows()
-    runs = validation_runs.run_shipped()
-    yield from validation_runs.residual_rows(runs)
-    yield from validation_runs.moment_rows(runs["fig6"])
-    yield from validation_runs.comparison_rows(runs)
-    yield validation_runs.repeat_row(runs["fig8"])
-    yield from validation_material.cell_rows()
-    yield from validation_assembly.assembly_rows()
+    yield from sheet.load_rows()
+    yield sheet.order_row()
+    yield from material.laminate_rows()
+    yield from material.springback_rows()
+    yield from modes.frequency_rows()
+    yield from space.space_rows()
+    yield from arm.table_rows()
+    yield from cell.response_rows()
+    yield from cell.stiffness_rows()
+    yield from arm.held_weight_rows()
+    yield from cell.weight_rows()
+    shipped = runs.run_shipped()
+    yield from runs.residual_rows(shipped)
+    yield from runs.moment_rows(shipped["fig6"])
+    yield from runs.comparison_rows(shipped)
+    yield runs.repeat_row(shipped["fig8"])
+    yield from material.cell_rows()
+    yield from assembly.assembly_rows()

@@ -1,22 +1,22 @@
 """The admittance that turns the force along x and the moment about y into a deviation.
 
 B δ' + K δ = F (paper (7)), sampled once per command period T with the pole a = e^(−kT/b).
-Sign: δ = H F with F the wrench on the arm, so the arm gives way in the direction of the force.
+Sign: δ = H F with F the wrench on the arm, so the arm yields in the direction of the force.
 No vertical force enters; the moment that the sheet's own weight makes does.
 """
 
 import math
-from typing import Annotated, Literal, Protocol, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import msgspec
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
+from dualbend.control.clock import TransferFunction
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
 from dualbend.errors import InputError
-from dualbend.types import Side, Tagged, Vector
+from dualbend.types import Mask, PlanarPose, Reals, Side, Tagged, Vector
 
 MM_PER_M = 1e3
 DEG_PER_RAD = 180.0 / math.pi
@@ -180,69 +180,45 @@ ComplianceConfig: TypeAlias = AdmittanceConfig | ModelAdmittanceConfig | NoCompl
 
 
 class AdmittanceAxis:
-    """One first-order filter δ[n] = a δ[n−1] + g F[n], H(z) = g / (1 − a z⁻¹), in SI.
+    """The first-order filter of one axis, H(z) = g / (1 − a z⁻¹), in SI.
 
     Parameters
     ----------
     config
         b, k and form.
+    period_s
+        Command period T [s].
     to_si
         Factor that takes b and k to SI: 1000 for mm, 180/π for degrees, 1 for SI.
     paper_per_si
         Factor that takes a deviation in SI to the paper's unit (mm or degrees).
     limit
-        Largest |δ| [m or rad]; the state itself is clamped, so it cannot wind up.
-    tare
-        Subtract the first reading after switching on.
+        Largest |δ| [m or rad].
     """
 
     def __init__(
-        self, config: AxisConfig, *, to_si: float, paper_per_si: float, limit: float, tare: bool
+        self,
+        config: AxisConfig,
+        *,
+        period_s: float,
+        to_si: float,
+        paper_per_si: float,
+        limit: float,
     ) -> None:
         b, k = config.b * to_si, config.k * to_si
-        self.pole = math.exp(-k * COMMAND_PERIOD_S / b)
+        self.pole = math.exp(-k * period_s / b)
+        self._one_minus_pole = -math.expm1(-k * period_s / b)
         self.gain = {
             "printed": 1.0 / b,
-            "impulse-invariant": COMMAND_PERIOD_S / b,
-            "static": -math.expm1(-k * COMMAND_PERIOD_S / b) / k,
+            "impulse-invariant": period_s / b,
+            "static": self._one_minus_pole / k,
         }[config.form]
         self.limit = limit
         self.from_alpha_rad = config.from_alpha_rad
-        self._one_minus_pole = -math.expm1(-k * COMMAND_PERIOD_S / b)
         self._paper_per_si = paper_per_si
-        self._tare = tare
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to no deviation and switched off."""
-        self.deviation = 0.0
-        self.saturated = False
-        self.active = False
-        self._reference = 0.0
-
-    def update(self, load: float, alpha_rad: float = math.inf) -> float:
-        """Take a force [N] or moment [N m] at a bending angle [rad]; return δ [m] or [rad].
-
-        Below `from_alpha_rad` the axis sees no load: δ is 0 before it first acts, and dies out with
-        the pole when the sheet is unfolded again, instead of jumping.
-        """
-        if alpha_rad < self.from_alpha_rad:
-            self.active = False
-            load = 0.0
-        else:
-            if not self.active:
-                self.active = True
-                self._reference = load if self._tare else 0.0
-            load -= self._reference
-        deviation = self.pole * self.deviation + self.gain * load
-        self.saturated = abs(deviation) > self.limit
-        if self.saturated:
-            deviation = math.copysign(self.limit, deviation)
-        self.deviation = deviation
-        return deviation
 
     def transfer_function(self) -> TransferFunction:
-        """Tell H(z), unclamped, in powers of z⁻¹ [m/N] or [rad/(N m)]."""
+        """Tell H(z), without the bound, in powers of z⁻¹ [m/N] or [rad/(N m)]."""
         return np.array([self.gain]), np.array([1.0, -self.pole])
 
     @property
@@ -256,34 +232,31 @@ class AdmittanceAxis:
         return self.static_compliance * self._paper_per_si
 
 
-class Deviation(msgspec.Struct, frozen=True, kw_only=True):
-    """What is added to the nominal pose in one cycle: δx [m], δα [rad], and clamped axes."""
-
-    dx_m: float
-    dalpha_rad: float
-    saturated_x: bool
-    saturated_rotation: bool
-
-
-class Compliance(Protocol):
-    """What turns one arm's reading into its deviation, once a cycle."""
-
-    def comply(
-        self, force_x_n: float, force_z_n: float, moment_y_nm: float, pose: Vector
-    ) -> Deviation:
-        """Take the filtered wrench on the arm in B, at the nominal x, z [m], α [rad] (3,)."""
-
-
 class Admittance:
-    """The two axes of compliance of one arm; an axis that is off deviates by 0.
+    """Both axes of an arm's compliance, δ[n] = a δ[n−1] + g F[n]; an axis that is off stays at 0.
+
+    The state itself is bounded, so it cannot wind up. Below its `from_alpha_rad` an axis sees no
+    load: δ is 0 before it first acts, and dies out with the pole when the sheet is unfolded again,
+    instead of jumping.
 
     Parameters
     ----------
     config
         Both axes. `x` and `rotation` of this object are the filters that run, or None.
+    period_s
+        Command period [s].
+    shape
+        Leading shape of loads and deviations, an axis of arms among it where there is one.
+
+    Attributes
+    ----------
+    saturated
+        (..., 2): the deviation is at its bound.
     """
 
-    def __init__(self, config: ComplianceConfig) -> None:
+    def __init__(
+        self, config: ComplianceConfig, *, period_s: float, shape: tuple[int, ...] = ()
+    ) -> None:
         self.config = config
         paper = config.units == "paper"
 
@@ -292,42 +265,62 @@ class Admittance:
         ) -> AdmittanceAxis | None:
             if settings is None:
                 return None
-            to_si = paper_per_si if paper else 1.0
             return AdmittanceAxis(
-                settings, to_si=to_si, paper_per_si=paper_per_si, limit=limit, tare=config.tare
+                settings,
+                period_s=period_s,
+                to_si=paper_per_si if paper else 1.0,
+                paper_per_si=paper_per_si,
+                limit=limit,
             )
 
         self.x = axis(config.x, MM_PER_M, config.limit_x_m)
         self.rotation = axis(config.rotation, DEG_PER_RAD, config.limit_rotation_rad)
+        # An axis that is off never acts.
+        numbers = [
+            (0.0, 0.0, math.inf, math.inf)
+            if part is None
+            else (part.pole, part.gain, part.limit, part.from_alpha_rad)
+            for part in self.axes
+        ]
+        # Of the state's own shape: that is cheaper, every cycle, than to broadcast.
+        self._pole, self._gain, self._limit, self._from_alpha = (
+            np.broadcast_to(column, (*shape, 2)).copy() for column in zip(*numbers, strict=True)
+        )
+        self._lowest = -self._limit
+        self.reset()
+
+    @property
+    def axes(self) -> tuple[AdmittanceAxis | None, AdmittanceAxis | None]:
+        """The filters of x and rotation."""
+        return self.x, self.rotation
 
     def reset(self) -> None:
-        """Return to no deviation on both axes."""
-        for axis in (self.x, self.rotation):
-            if axis is not None:
-                axis.reset()
+        """Return to no deviation, both axes switched off."""
+        self._deviation = np.zeros_like(self._pole)
+        self._reference = np.zeros_like(self._pole)
+        self._acted: Mask = np.zeros(self._pole.shape, dtype=np.bool_)
+        self.saturated: Mask = self._acted
 
-    def comply(
-        self, force_x_n: float, force_z_n: float, moment_y_nm: float, pose: Vector
-    ) -> Deviation:
-        """Run one cycle on the filtered wrench in B, at the nominal x, z [m], α [rad] (3,)."""
-        return self.update(force_x_n, moment_y_nm, float(pose[2]))
-
-    def update(self, force_x_n: float, moment_y_nm: float, alpha_rad: float) -> Deviation:
-        """Run one cycle.
+    def comply(self, wrench: Vector, pose: PlanarPose) -> Vector:
+        """Run one cycle; return the deviation (..., 2): δx [m], δα [rad].
 
         Parameters
         ----------
-        force_x_n
-            Horizontal force on the arm along x_B [N], see `horizontal_force`.
-        moment_y_nm
-            Moment on the arm about y at the grip centre [N m].
-        alpha_rad
-            Nominal bending angle [rad], which switches the axes on.
+        wrench
+            Filtered F_x, F_z [N] and M_y [N m] (..., 3) on the arm in its bending frame.
+        pose
+            Nominal pose (..., 3) there; its bending angle switches the axes on.
         """
-        x, rotation = self.x, self.rotation
-        return Deviation(
-            dx_m=0.0 if x is None else x.update(force_x_n, alpha_rad),
-            dalpha_rad=0.0 if rotation is None else rotation.update(moment_y_nm, alpha_rad),
-            saturated_x=x is not None and x.saturated,
-            saturated_rotation=rotation is not None and rotation.saturated,
-        )
+        return self.update(wrench[..., ::2], pose.alpha_rad)
+
+    def update(self, load: Vector, alpha_rad: Reals = math.inf) -> Vector:
+        """Take F_x [N] and M_y [N m] (..., 2) at a bending angle (...); return δx, δα (..., 2)."""
+        acts: Mask = np.asarray(alpha_rad)[..., np.newaxis] >= self._from_alpha
+        if self.config.tare:
+            self._reference = np.where(acts & ~self._acted, load, self._reference)
+            self._acted = acts
+            load = load - self._reference
+        deviation = self._pole * self._deviation + self._gain * (load * acts)
+        self.saturated = np.abs(deviation) > self._limit
+        self._deviation = np.minimum(np.maximum(deviation, self._lowest), self._limit)
+        return self._deviation

@@ -11,34 +11,30 @@ q the loop's own deviations as old as the reading, q_n the nominal motion:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 import numpy as np
 
 from dualbend.control.compliance.admittance import (
     Admittance,
-    AdmittanceAxis,
-    Deviation,
     ModelAdmittanceConfig,
 )
 from dualbend.control.compliance.predictor import ResponseLead, ResponseModel, lead_share
 from dualbend.control.compliance.reference import moment_rows, reference
 from dualbend.control.compliance.schedule import FusionConfig, KnownSheet
 from dualbend.control.response import CommandResponseConfig
-from dualbend.types import Vector
+from dualbend.types import PlanarPose, Reals, Vector, matvec
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModelPoint:
-    """The controller's matrices at one bending angle.
+class ModelPoint(msgspec.Struct, frozen=True, kw_only=True):
+    """The controller's matrices at bending angles ``alpha_rad`` of any leading shape.
 
-    ``rows`` (2, 3): what is taken of force x, z and moment; ``reference`` (2,); ``estimate`` E
-    (2, 2): errors to deviations; ``stiffness`` K (2, 2) and ``inertia`` M (2, 3) of the
-    prediction, ``sent`` (3, 2); ``gain`` (2,): what the filters' input is multiplied with;
-    ``lead_share``: of
-    the error; ``slope``: of the curve that the force passes through, 1 without one.
+    ``rows`` (..., 2, 3): what is taken of force x, z and moment; ``reference`` (..., 2);
+    ``estimate`` E (..., 2, 2): errors to deviations; ``stiffness`` K (..., 2, 2) and ``inertia`` M
+    (..., 2, 3) of the prediction, ``sent`` (..., 3, 2); ``gain`` (..., 2): what the filters' input
+    is multiplied with; ``lead_share`` (...): of the error.
     """
 
+    alpha_rad: Vector
     rows: Vector
     reference: Vector
     estimate: Vector
@@ -46,8 +42,7 @@ class ModelPoint:
     inertia: Vector
     sent: Vector
     gain: Vector
-    slope: float
-    lead_share: float
+    lead_share: Vector
 
 
 class ModelAdmittance(Admittance):
@@ -62,7 +57,12 @@ class ModelAdmittance(Admittance):
     response
         How a command is answered, for the lead.
     own, nominal
-        Models of the two deviations (with transport delay) and of the nominal x, z, α (without).
+        Models of the two deviations (with transport delay) and of the nominal x, z, α (without), of
+        the same leading shape.
+    period_s
+        Command period [s].
+    shape
+        Leading shape.
     """
 
     def __init__(
@@ -73,20 +73,18 @@ class ModelAdmittance(Admittance):
         response: CommandResponseConfig,
         own: ResponseModel,
         nominal: ResponseModel,
+        period_s: float,
+        shape: tuple[int, ...] = (),
     ) -> None:
         self.config: ModelAdmittanceConfig
         self.known, self._own, self._nominal = known, own, nominal
         predictor = config.predictor
         lags = (predictor.lead_x_s, predictor.lead_rotation_s) if predictor else (None, None)
-        self.leads = tuple(None if lag is None else ResponseLead(response, lag) for lag in lags)
-        super().__init__(config)
-        self._placed = False
-        self._sent = np.zeros(2)
-
-    @property
-    def axes(self) -> tuple[AdmittanceAxis | None, AdmittanceAxis | None]:
-        """The filters of x and rotation."""
-        return self.x, self.rotation
+        self.leads = tuple(
+            None if lag is None else ResponseLead(response, lag, period_s=period_s, shape=shape)
+            for lag in lags
+        )
+        super().__init__(config, period_s=period_s, shape=shape)
 
     def reset(self) -> None:
         """Return to no deviation; the next pose is taken as rest."""
@@ -94,51 +92,54 @@ class ModelAdmittance(Admittance):
         for lead in self.leads:
             if lead is not None:
                 lead.reset()
-        self._own.reset(np.zeros(2))
+        self._sent = np.zeros_like(self._pole)
+        self._own.reset(self._sent)
         self._placed = False
-        self._sent = np.zeros(2)
 
-    def point(self, alpha_rad: float) -> ModelPoint:
-        """Return the matrices at a bending angle [rad]."""
-        config, known = self.config, self.known
-        rows = moment_rows(config.reference, known, alpha_rad)
+    def point(self, alpha_rad: Reals) -> ModelPoint:
+        """Return the matrices at bending angles (...) [rad]."""
+        config, known, alpha = self.config, self.known, np.asarray(alpha_rad)
+        rows = moment_rows(config.reference, known, alpha)
         first = config.schedule.from_rad if config.schedule else 0.0
-        stiffness = rows @ known.tangent(max(alpha_rad, first))
-        inertia, sent = known.tool(alpha_rad)
-        counts = config.predictor is not None and config.predictor.inertia
-        own = np.diag(stiffness)
+        stiffness = rows @ known.tangent(np.maximum(alpha, first))
+        inertia, sent = known.tool(alpha)
+        predictor = config.predictor
+        own = np.diagonal(stiffness, axis1=-2, axis2=-1)
         return ModelPoint(
+            alpha_rad=alpha,
             rows=rows,
-            reference=reference(config.reference, known, alpha_rad, rows),
+            reference=reference(config.reference, known, alpha, rows),
             estimate=_estimate(config.fusion, stiffness),
             stiffness=stiffness,
-            inertia=rows @ inertia * float(counts),
+            inertia=rows @ inertia * (predictor is not None and predictor.inertia),
             sent=sent,
-            gain=np.ones(2) if config.schedule else own,
-            lead_share=lead_share(config.predictor, alpha_rad) if config.predictor else 0.0,
-            slope=self._slope(alpha_rad, float(stiffness[0, 0])),
+            gain=np.ones_like(own) if config.schedule else own,
+            lead_share=lead_share(predictor, alpha) if predictor else np.zeros(alpha.shape),
         )
 
-    def _error(self, wrench: Vector, point: ModelPoint, alpha_rad: float) -> Vector:
-        """Return the error (2,) of force x and moment, as taken and without the inertia."""
+    def _error(self, wrench: Vector, point: ModelPoint) -> Vector:
+        """Return the error (..., 2) of force x and moment, as taken and without the inertia."""
         schedule = self.config.schedule
-        error = np.asarray(wrench - point.reference)
+        error: Vector = wrench - point.reference
         if schedule and schedule.curve:
-            at = max(alpha_rad, schedule.from_rad)
-            inward = self.known.displacement(float(wrench[0]), at)
-            right = self.known.displacement(float(point.reference[0]), at)
-            error[0] = -point.stiffness[0, 0] * (inward - right)
+            forces = np.array((wrench[..., 0], point.reference[..., 0]))
+            at = np.maximum(point.alpha_rad, schedule.from_rad)
+            inward, right = self.known.displacement(forces, at)
+            error[..., 0] = -point.stiffness[..., 0, 0] * (inward - right)
         return error
 
-    def _slope(self, alpha_rad: float, stiffness_n_per_m: float) -> float:
-        """Return d(K₁₁ e(F))/dF at the reference, a difference over 0.2 N."""
+    def slope(self, point: ModelPoint) -> Vector:
+        """Return the slope (...) of the curve that the force passes through, 1 without one.
+
+        It is d(K₁₁ e(F))/dF at the reference, a difference over 0.2 N.
+        """
         schedule, taken = self.config.schedule, self.config.reference
         if not (schedule and schedule.curve):
-            return 1.0
-        at = max(alpha_rad, schedule.from_rad)
-        force = self.known.force(max(alpha_rad, taken.from_rad)) if taken else 0.0
-        ends = [self.known.displacement(force + by, at) for by in (-0.1, 0.1)]
-        return -stiffness_n_per_m * (ends[1] - ends[0]) / 0.2
+            return np.ones(point.alpha_rad.shape)
+        at = np.maximum(point.alpha_rad, schedule.from_rad)
+        force = self.known.force(np.maximum(point.alpha_rad, taken.from_rad)) if taken else 0.0
+        low, high = (self.known.displacement(force + by, at) for by in (-0.1, 0.1))
+        return np.asarray(-point.stiffness[..., 0, 0] * (high - low) / 0.2)
 
     def rest_compliance(self, alpha_rad: float) -> Vector:
         """Return the deviations at rest (2, 2) per error of force x and moment as taken."""
@@ -146,43 +147,43 @@ class ModelAdmittance(Admittance):
         static = [0.0 if axis is None else axis.static_compliance for axis in self.axes]
         return np.asarray((np.array(static) * point.gain)[:, np.newaxis] * point.estimate)
 
-    def comply(
-        self, force_x_n: float, force_z_n: float, moment_y_nm: float, pose: Vector
-    ) -> Deviation:
-        """Run one cycle on the filtered wrench in B, at the nominal x, z [m], α [rad] (3,)."""
+    def comply(self, wrench: Vector, pose: PlanarPose) -> Vector:
+        """Run one cycle on the filtered F_x, F_z, M_y (..., 3), at the nominal pose (..., 3)."""
         if not self._placed:
-            self._nominal.reset(pose)
+            self._nominal.reset(pose.coordinates)
             self._placed = True
         nominal, nominal_acceleration = self._nominal.read()
         own, acceleration = self._own.read()
-        point = self.point(float(nominal[2]))
-        wrench = np.asarray(point.rows @ [force_x_n, force_z_n, moment_y_nm])
+        point = self.point(nominal[..., 2])
+        taken = matvec(point.rows, wrench)
         predicts = self.config.predictor is not None
         if predicts:
-            wrench = wrench + point.inertia @ (nominal_acceleration + point.sent @ acceleration)
-        error = self._error(wrench, point, float(nominal[2]))
+            moved = nominal_acceleration + matvec(point.sent, acceleration)
+            taken = taken + matvec(point.inertia, moved)
+        error = self._error(taken, point)
         if predicts:
-            error = error + point.stiffness @ own
-        e = point.estimate @ error
+            error = error + matvec(point.stiffness, own)
+        e = matvec(point.estimate, error)
         for i, lead in enumerate(self.leads):
             if lead is not None:
-                e[i] += point.lead_share * (lead.update(float(e[i])) - e[i])
+                e[..., i] += point.lead_share * (lead.update(e[..., i]) - e[..., i])
         if predicts:
-            e -= point.estimate @ point.stiffness @ self._sent
-        load = e * point.gain
-        deviation = self.update(float(load[0]), float(load[1]), float(pose[2]))
-        self._sent = np.array([deviation.dx_m, deviation.dalpha_rad])
+            e -= matvec(point.estimate @ point.stiffness, self._sent)
+        self._sent = self.update(e * point.gain, pose.alpha_rad)
         self._own.send(self._sent)
-        self._nominal.send(pose)
-        return deviation
+        self._nominal.send(pose.coordinates)
+        return self._sent
 
 
 def _estimate(config: FusionConfig | None, stiffness: Vector) -> Vector:
-    """Return E (2, 2): the error of force x and moment to the deviation that relieves it."""
-    own = np.diag(stiffness)
-    estimate = np.diag(1.0 / own)
+    """Return E (..., 2, 2): the error of force x and moment to the deviation that relieves it."""
+    estimate = np.zeros(stiffness.shape)
+    for i in range(2):
+        estimate[..., i, i] = 1.0 / stiffness[..., i, i]
     if config is not None:
         variance = np.array([config.force_error_n, config.moment_error_nm]) ** 2
-        weights = stiffness[:, 0] / variance
-        estimate[0] = weights / (weights @ stiffness[:, 0])
+        first = stiffness[..., 0]
+        weights = first / variance
+        total = weights[..., :1] * first[..., :1] + weights[..., 1:] * first[..., 1:]
+        estimate[..., 0, :] = weights / total
     return estimate

@@ -15,8 +15,8 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
-from dualbend.types import Vector
+from dualbend.control.clock import TransferFunction
+from dualbend.types import Mask, Reals, Vector, Wrench
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 
@@ -29,7 +29,7 @@ _MARGIN_SEEKING = 1.25
 
 
 class ObjectComplianceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How the held sheet gives way to what it touches: a damper, ``B v = F``.
+    """How the held sheet complies with what it touches: a damper, ``B v = F``.
 
     A damper follows a force until none is left. What the loop works against is the stiffness of the
     sheet that is held by pins, which grows without bound towards the flat state but for the arms in
@@ -64,27 +64,45 @@ class ObjectAdmittance:
     bends, mobility
         1/B (n, 3) of x, y [m/(N s)] and yaw [rad/(N m s)] at n growing bending angles, (n,), each
         over that at which the sheet is laid.
+    period_s
+        Command period T [s].
+    shape
+        Leading shape.
+
+    Attributes
+    ----------
+    deviation
+        δx, δy [m] and the turn [rad] (..., 3).
     """
 
-    def __init__(self, config: ObjectComplianceConfig, bends: Vector, mobility: Vector) -> None:
-        self.config = config
+    def __init__(
+        self,
+        config: ObjectComplianceConfig,
+        bends: Vector,
+        mobility: Vector,
+        *,
+        period_s: float,
+        shape: tuple[int, ...] = (),
+    ) -> None:
+        self.config, self._period_s = config, period_s
         self._bends, self._mobility = bends, mobility
         self._seeking = max(1.0, config.gain_margin / _MARGIN_SEEKING)
         self._band = np.array([config.deadband_n, config.deadband_n, config.deadband_nm])
         self._limit = np.array([config.limit_m, config.limit_m, config.limit_rad])
-        self.deviation = np.zeros(3)
+        self.deviation = np.zeros((*shape, 3))
 
     def relax(self, speed_m_per_s: float) -> None:
         """Go back towards no deviation, x and y with this speed [m/s], yaw in as long as that."""
-        step = COMMAND_PERIOD_S * speed_m_per_s * self._limit / self._limit[0]
+        step = self._period_s * speed_m_per_s * self._limit / self._limit[0]
         self.deviation = self.deviation - np.clip(self.deviation, -step, step)
 
-    def mobility(self, bend: float) -> Vector:
-        """Return 1/B (3,) at a bending angle over that at which the sheet is laid."""
-        return np.array([np.interp(bend, self._bends, column) for column in self._mobility.T])
+    def mobility(self, bend: Reals) -> Vector:
+        """Return 1/B (..., 3) at bending angles (...) over that at which the sheet is laid."""
+        columns = [np.interp(bend, self._bends, column) for column in self._mobility.T]
+        return np.stack(columns, axis=-1, dtype=np.float64)
 
-    def update(self, wrench: Vector, bend: float, seeking: bool = False) -> Vector:
-        """Take net force x, y [N] and moment z [N m]; return δx, δy [m] and the turn [rad].
+    def update(self, wrench: Vector, bend: Reals, seeking: bool | Mask = False) -> Vector:
+        """Take net force x, y [N] and moment z [N m] (..., 3); return the deviation (..., 3).
 
         Seeking, on the tips of pins, it goes where the force points with a speed of its own: near
         the top of a tip the force is small however far the pin is. What the loop's margin leaves is
@@ -92,43 +110,70 @@ class ObjectAdmittance:
         """
         beyond = np.sign(wrench) * np.maximum(np.abs(wrench) - self._band, 0.0)
         speed = self.mobility(bend) * beyond
-        if seeking:
-            speed *= self._seeking
-            speed[:2] = _at_least(speed[:2], beyond[:2], self.config.seek_m_per_s, _SURE_N)
-            speed[2:] = _at_least(speed[2:], beyond[2:], self.config.seek_rad_per_s, _SURE_NM)
-        moved = self.deviation + COMMAND_PERIOD_S * speed
+        if np.any(seeking):
+            sought = self._seeking * speed
+            for part, least, sure in (
+                (slice(0, 2), self.config.seek_m_per_s, _SURE_N),
+                (slice(2, 3), self.config.seek_rad_per_s, _SURE_NM),
+            ):
+                sought[..., part] *= _raised(sought[..., part], beyond[..., part], least, sure)
+            speed = np.where(np.asarray(seeking)[..., np.newaxis], sought, speed)
+        moved = self.deviation + self._period_s * speed
         self.deviation = np.clip(moved, -self._limit, self._limit)
         return self.deviation.copy()
 
     def transfer_function(self, axis: int, bend: float) -> TransferFunction:
         """Tell H(z) of one axis in powers of z⁻¹, without band and clamp."""
-        return _damper(float(self.mobility(bend)[axis]))
+        return _damper(float(self.mobility(bend)[axis]), self._period_s)
 
 
-def _damper(mobility: float) -> TransferFunction:
+def _damper(mobility: float, period_s: float) -> TransferFunction:
     """Tell H(z) = (T/B) / (1 − z⁻¹)."""
-    return np.array([COMMAND_PERIOD_S * mobility]), np.array([1.0, -1.0])
+    return np.array([period_s * mobility]), np.array([1.0, -1.0])
 
 
-def _at_least(speed: Vector, force: Vector, least: float, sure: float) -> Vector:
-    """Return the speed, in its direction not below ``least`` where the force is a sure one."""
-    size = float(np.linalg.norm(speed))
-    if size == 0.0:
-        return speed
-    wanted = least * min(1.0, float(np.linalg.norm(force)) / sure)
-    return speed * max(1.0, wanted / size)
+def _size(vector: Vector) -> Vector:
+    """Return the length (..., 1) of vectors (..., 1) or (..., 2)."""
+    return np.hypot(vector[..., :1], vector[..., 1:]) if vector.shape[-1] > 1 else np.abs(vector)
 
 
-def critical_rate(path: Sequence[TransferFunction], latency_cycles: float) -> float:
+def _raised(speed: Vector, force: Vector, least: float, sure: float) -> Vector:
+    """Return by what a speed is multiplied that must not be below ``least`` for a sure force."""
+    size = _size(speed)
+    wanted = least * np.minimum(1.0, _size(force) / sure)
+    return np.maximum(1.0, wanted / np.where(size == 0.0, np.inf, size))
+
+
+def net_wrench(grips: Wrench, half_distance_m: Reals, alpha_rad: Reals, yaw_rad: Reals) -> Vector:
+    """Return net force x, y, z [N] in the world and moment about the vertical [N m], (..., 4).
+
+    Of the wrenches (..., 2, 6) on both arms at the grips, in G; an arm without a sensor, of which
+    all is NaN, adds nothing. The moment is about the vertical through the object's place, which
+    lies midway between the grips.
+    """
+    both = grips.in_bending_frame(np.asarray(alpha_rad)[..., np.newaxis]).components
+    both = np.where(np.isnan(both), 0.0, both)
+    # The right arm's bending frame is the left one's turned by π.
+    x, y = (both[..., 0, i] - both[..., 1, i] for i in (0, 1))
+    turn = both[..., 5] - np.asarray(half_distance_m)[..., np.newaxis] * both[..., 1]
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    up = both[..., 0, 2] + both[..., 1, 2]
+    return np.stack((c * x - s * y, s * x + c * y, up, turn[..., 0] + turn[..., 1]), axis=-1)
+
+
+def critical_rate(
+    path: Sequence[TransferFunction], latency_cycles: float, period_s: float
+) -> float:
     """Return the largest stiffness over damping k/B [1/s] with which a damper's loop is stable.
 
     The loop is ``(k/B) T / (1 − z⁻¹)`` times what the path's elements make of it; at the frequency
-    where its phase is −π its gain is one. ``latency_cycles``: age of the reading in periods.
+    where its phase is −π its gain is one. ``latency_cycles``: sensor latency in command periods T
+    of ``period_s`` [s].
     """
     omega = np.linspace(1e-3, np.pi, 4000)
     back = np.exp(-1j * omega)
     loop = back**latency_cycles
-    for numerator, denominator in (_damper(1.0), *path):
+    for numerator, denominator in (_damper(1.0, period_s), *path):
         loop = loop * np.polyval(numerator[::-1], back) / np.polyval(denominator[::-1], back)
     turned = np.unwrap(np.angle(loop)) <= -np.pi
     if not turned.any():

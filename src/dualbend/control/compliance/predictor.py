@@ -1,7 +1,7 @@
 """Delay compensation: what the deviations on their way will do to the wrench (Smith, 1957).
 
-The deviations sent are passed through the known transport delay, ramp, response, age of the reading
-and low-pass. Known stiffness and tool inertia turn them into the part of the wrench read that the
+The deviations sent are passed through the known transport delay, ramp, response, sensor latency and
+low-pass. Known stiffness and tool inertia turn them into the part of the wrench read that the
 loop itself has made. What is left is the path's error; the admittance then sees it with its own
 last deviation in place: a loop without delay.
 Source: O. J. M. Smith, Closer control of loops with dead time, Chem. Eng. Prog. 53 (1957) 217.
@@ -15,11 +15,11 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S, TransferFunction
+from dualbend.control.clock import TransferFunction
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.control.response import CommandResponse, CommandResponseConfig
-from dualbend.types import Vector
+from dualbend.types import Reals, Vector
 
 _Lead = Annotated[
     float, msgspec.Meta(ge=0, le=1, description="what is left of the response's lag [s]")
@@ -50,42 +50,48 @@ class ResponseLead:
     """The response's discrete poles as zeros, and twice the pole r = e^(−T/τ) instead.
 
     H(z) = (1 − p₁ z⁻¹)(1 − p₂ z⁻¹)(1 − r)² / ((1 − p₁)(1 − p₂)(1 − r z⁻¹)²), with p = e^(s T) of
-    the poles s of G(s): unit gain at rest.
+    the poles s of G(s): unit gain at rest. ``period_s``: command period T; ``shape`` of the errors.
     """
 
-    def __init__(self, response: CommandResponseConfig, lag_s: float) -> None:
+    def __init__(
+        self,
+        response: CommandResponseConfig,
+        lag_s: float,
+        *,
+        period_s: float,
+        shape: tuple[int, ...] = (),
+    ) -> None:
         omega = 2.0 * math.pi * response.natural_frequency_hz
         poles = np.roots([1.0, 2.0 * response.damping_ratio * omega, omega**2])
-        zeros = np.real(np.poly(np.exp(poles * COMMAND_PERIOD_S)))
-        r = math.exp(-COMMAND_PERIOD_S / lag_s) if lag_s > 0.0 else 0.0
-        self._numerator = zeros / zeros.sum() * (1.0 - r) ** 2
-        self._denominator = np.array([1.0, -2.0 * r, r * r])
+        zeros = np.real(np.poly(np.exp(poles * period_s)))
+        r = math.exp(-period_s / lag_s) if lag_s > 0.0 else 0.0
+        self._numerator = (zeros / zeros.sum() * (1.0 - r) ** 2).tolist()
+        self._denominator = [1.0, -2.0 * r, r * r]
+        self._shape = shape
         self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
-        self._memory = (0.0, 0.0)
+        self._memory = (np.zeros(self._shape), np.zeros(self._shape))
 
-    def update(self, value: float) -> float:
-        """Take one error and return it as of the command."""
+    def update(self, value: Reals) -> Vector:
+        """Take one error (...) and return it as of the command."""
         b, a = self._numerator, self._denominator
         first, second = self._memory
-        out = float(b[0] * value + first)
-        self._memory = (
-            float(b[1] * value - a[1] * out + second),
-            float(b[2] * value - a[2] * out),
-        )
+        out = np.asarray(b[0] * value + first)
+        self._memory = (b[1] * value - a[1] * out + second, b[2] * value - a[2] * out)
         return out
 
-    def transfer_function(self, share: float = 1.0) -> TransferFunction:
+    def transfer_function(self, share: Reals = 1.0) -> TransferFunction:
         """Tell share × H(z) + 1 − share in powers of z⁻¹."""
-        mixed = share * self._numerator + (1.0 - share) * self._denominator
-        return mixed, self._denominator.copy()
+        numerator, denominator = np.array(self._numerator), np.array(self._denominator)
+        return share * numerator + (1.0 - share) * denominator, denominator
 
 
-def lead_share(config: PredictorConfig, alpha_rad: float) -> float:
-    """Return which share of the error passes through the lead."""
-    return min(max(2.0 - 2.0 * alpha_rad / config.lead_until_rad, 0.0), 1.0)
+def lead_share(config: PredictorConfig, alpha_rad: Reals) -> Vector:
+    """Return which share (...) of the error passes through the lead."""
+    share = 2.0 - 2.0 * np.asarray(alpha_rad) / config.lead_until_rad
+    return np.asarray(np.minimum(np.maximum(share, 0.0), 1.0))
 
 
 class ResponseModel:
@@ -98,9 +104,13 @@ class ResponseModel:
     delay_cycles
         Transport delay of these set-points [command periods].
     steps, age_steps
-        Physics steps of a cycle; age of a reading at the start of the cycle that uses it, >= 1.
+        Physics steps of a cycle; sensor latency at the start of the cycle that uses it, >= 1.
     channels
         n.
+    period_s
+        Command period [s].
+    shape
+        Leading shape: set-points are (*shape, n).
     """
 
     def __init__(
@@ -112,33 +122,36 @@ class ResponseModel:
         steps: int,
         age_steps: int,
         channels: int,
+        period_s: float,
+        shape: tuple[int, ...] = (),
     ) -> None:
         self.channels = channels
-        self._response = CommandResponse(response, channels, steps)
-        self._delay = TransportDelay(delay_cycles, channels)
-        self._low_pass = LowPass(low_pass, 2 * channels)
+        self._response = CommandResponse(response, channels, steps, period_s=period_s, shape=shape)
+        self._delay = TransportDelay(delay_cycles, channels, shape)
+        self._low_pass = LowPass(low_pass, 2 * channels, period_s=period_s, shape=shape)
         cycles = math.ceil(age_steps / steps)
         self._row = cycles * steps - age_steps - 1
-        self._age = TransportDelay(cycles - 1, 2 * channels)
-        self.reset(np.zeros(channels))
+        self._age = TransportDelay(cycles - 1, 2 * channels, shape)
+        self.reset(np.zeros((*shape, channels)))
 
     def reset(self, position: Vector) -> None:
-        """Rest at a position (n,)."""
+        """Rest at a position (..., n)."""
         self._response.reset(position)
         self._delay.reset(position)
-        still = np.concatenate([position, np.zeros(self.channels)])
+        still = np.concatenate([position, np.zeros_like(position)], axis=-1)
         self._age.reset(still)
         self._low_pass.reset(still)
         self._last = self._aged = still
 
     def read(self) -> tuple[Vector, Vector]:
-        """Return position and acceleration (n,) in this cycle's reading; once a cycle."""
+        """Return position and acceleration (..., n) in this cycle's reading; once a cycle."""
         seen = self._low_pass.update(self._aged)
-        return seen[: self.channels], seen[self.channels :]
+        return seen[..., : self.channels], seen[..., self.channels :]
 
     def send(self, setpoint: Vector) -> None:
-        """Send this cycle's set-point (n,)."""
+        """Send this cycle's set-point (..., n)."""
         reference = self._response.update(self._delay.update(setpoint))
-        both = np.hstack([reference.position, reference.acceleration])
-        self._aged = self._age.update(both[self._row] if self._row >= 0 else self._last)
-        self._last = both[-1]
+        both = np.concatenate([reference.position, reference.acceleration], axis=-1)
+        sensed = both[..., self._row, :] if self._row >= 0 else self._last
+        self._aged = self._age.update(sensed)
+        self._last = both[..., -1, :]

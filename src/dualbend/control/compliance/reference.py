@@ -1,20 +1,19 @@
 """What the sensor should read on the right path, so that only the error is complied with.
 
-The sheet pushes back with its Euler force even where the path is right; the paper's filter gives
-way to all of it, which leaves an offset. The reference is the known force of the zero-moment state
+The sheet pushes back with its Euler force even where the path is right; the paper's filter complies
+with all of it, which leaves an offset. The reference is the known force of the zero-moment state
 with weight. It comes from the nominal bending angle alone, never from the path's x.
 """
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 import msgspec
 import numpy as np
 
 from dualbend.control.compliance.schedule import KnownSheet
-from dualbend.types import Vector
+from dualbend.types import Vector, matvec
 
 
 class ReferenceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -33,23 +32,25 @@ class ReferenceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     ] = False
 
 
-def moment_rows(config: ReferenceConfig | None, known: KnownSheet, alpha_rad: float) -> Vector:
-    """Return (2, 3): what is taken of force x, z and moment for the force x and the moment.
+def moment_rows(config: ReferenceConfig | None, known: KnownSheet, alpha_rad: Vector) -> Vector:
+    """Return (..., 2, 3): what is taken of force x, z and moment for the force x and the moment.
 
     With the known weight M = M_read + r cos α (F_z known − F_z read): the lever arm's part of the
     noise goes, but for F_x sin α.
     """
-    rows = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    rows = np.zeros((*alpha_rad.shape, 2, 3))
+    rows[..., 0, 0] = rows[..., 1, 2] = 1.0
     if config is not None and config.known_weight:
-        rows[1, 1] = -known.lever_arm_m * math.cos(alpha_rad)
+        rows[..., 1, 1] = -known.lever_arm_m * np.cos(alpha_rad)
     return rows
 
 
 def reference(
-    config: ReferenceConfig | None, known: KnownSheet, alpha_rad: float, rows: Vector
+    config: ReferenceConfig | None, known: KnownSheet, alpha_rad: Vector, rows: Vector
 ) -> Vector:
-    """Return force x [N] and moment [N m] (2,) that the right path has, as ``rows`` take them."""
-    if config is None:
-        return np.zeros(2)
-    force = known.force(max(alpha_rad, config.from_rad))
-    return np.asarray(rows @ [force, known.force_z_n, 0.0])
+    """Return force x [N] and moment [N m] (..., 2) of the right path, as ``rows`` take them."""
+    loads = np.zeros((*alpha_rad.shape, 3))
+    if config is not None:
+        loads[..., 0] = known.force(np.maximum(alpha_rad, config.from_rad))
+        loads[..., 1] = known.force_z_n
+    return matvec(rows, loads)

@@ -13,9 +13,10 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from dualbend.errors import InputError
-from dualbend.types import Vector
+from dualbend.types import Reals, Vector
 
 
 class ScheduleConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -37,7 +38,7 @@ class ScheduleConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
 
 
 class FusionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Let x give way to what force and moment tell together, by least squares.
+    """Let x comply with what force and moment tell together, by least squares.
 
     A wrong x changes both by the known K₁₁ and K₂₁. Weighted with the errors σ of the readings,
     e_x = Σ (K_i1/σ_i²) w_i / Σ K_i1²/σ_i². On the nearly flat sheet the force decides, on the bent
@@ -53,6 +54,8 @@ class FusionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 @dataclass(frozen=True, kw_only=True)
 class KnownSheet:
     """Tables over the bending angle, of the sheet in its zero-moment states with its weight.
+
+    Every look-up takes angles of any leading shape (...).
 
     Attributes
     ----------
@@ -97,53 +100,85 @@ class KnownSheet:
             raise InputError("pressed_n must grow along its rows, one number for each of pressed_m")
 
     @cached_property
-    def _table(self) -> Vector:
+    def _table(self) -> tuple[Vector, Vector]:
+        """All that is interpolated over the angle (n, 22), and its differences."""
         n = len(self.alpha_rad)
         parts = (self.force_x_n, self.stiffness, self.inertia, self.sent)
-        return np.hstack([part.reshape(n, -1) for part in parts])
+        table = np.hstack([part.reshape(n, -1) for part in parts])
+        return table, np.diff(table, axis=0)
 
-    def _row(self, alpha_rad: float) -> Vector:
-        """Interpolate linearly; outside the table its nearest end."""
-        alphas, table = self.alpha_rad, self._table
-        i = int(np.searchsorted(alphas, alpha_rad))
-        if i == 0 or i == len(alphas):
-            return np.asarray(table[min(i, len(alphas) - 1)])
-        part = (alpha_rad - alphas[i - 1]) / (alphas[i] - alphas[i - 1])
-        return np.asarray(table[i - 1] + part * (table[i] - table[i - 1]))
+    @cached_property
+    def _gaps(self) -> tuple[Vector, Vector]:
+        """The angles between the first and the last, and the differences of all."""
+        return self.alpha_rad[1:-1], np.diff(self.alpha_rad)
 
-    def force(self, alpha_rad: float) -> float:
-        """Return the horizontal force on the arm [N]."""
-        return float(self._row(alpha_rad)[0])
+    def _place(self, alpha_rad: Reals) -> tuple[NDArray[np.intp], Vector]:
+        """Return the row before an angle (...) and how far on it is, 0 to 1."""
+        inner, gaps = self._gaps
+        row = np.asarray(inner.searchsorted(alpha_rad))
+        part = (alpha_rad - self.alpha_rad.take(row)) / gaps.take(row)
+        return row, np.minimum(np.maximum(part, 0.0), 1.0)
 
-    def tangent(self, alpha_rad: float) -> Vector:
-        """Return the stiffness (3, 2)."""
-        return self._row(alpha_rad)[1:7].reshape(3, 2)
+    def _row(self, alpha_rad: Reals) -> Vector:
+        """Interpolate the table linearly (..., 22); outside it its nearest end."""
+        row, part = self._place(alpha_rad)
+        table, differences = self._table
+        return np.asarray(
+            table.take(row, axis=0) + part[..., np.newaxis] * differences.take(row, axis=0)
+        )
 
-    def displacement(self, force_x_n: float, alpha_rad: float) -> float:
-        """Return how far inward of the zero-moment state the arms have this force [m]."""
-        i = int(np.searchsorted(self.alpha_rad, alpha_rad))
-        i = min(max(i, 1), len(self.alpha_rad) - 1)
-        low, high = self.alpha_rad[i - 1], self.alpha_rad[i]
-        part = min(max((alpha_rad - low) / (high - low), 0.0), 1.0)
-        first, last = (self._on_curve(force_x_n, row) for row in (i - 1, i))
-        return float(first + part * (last - first))
+    def force(self, alpha_rad: Reals) -> Vector:
+        """Return the horizontal force on the arm (...) [N]."""
+        return np.asarray(self._row(alpha_rad)[..., 0])
 
-    def _on_curve(self, force_x_n: float, row: int) -> float:
-        """Return the displacement at one of the angles; beyond the curve by the tangent."""
-        forces = self.pressed_n[row]
-        beyond = force_x_n - min(max(force_x_n, float(forces[0])), float(forces[-1]))
-        on_it = float(np.interp(force_x_n, forces, self.pressed_m[row]))
-        return on_it - beyond / float(self.stiffness[row, 0, 0])
-
-    def pressed_force(self, inward_m: float, alpha_rad: float) -> float:
-        """Return the force x on the arm [N] at a displacement of the nearest angle's curve."""
-        row = int(np.argmin(np.abs(self.alpha_rad - alpha_rad)))
-        curve = self.pressed_m[row]
-        beyond = inward_m - min(max(inward_m, float(curve[-1])), float(curve[0]))
-        on_it = float(np.interp(-inward_m, -curve, self.pressed_n[row]))
-        return on_it - beyond * float(self.stiffness[row, 0, 0])
-
-    def tool(self, alpha_rad: float) -> tuple[Vector, Vector]:
-        """Return the tool's inertia (3, 3) and what a deviation moves (3, 2)."""
+    def tangent(self, alpha_rad: Reals) -> Vector:
+        """Return the stiffness (..., 3, 2)."""
         row = self._row(alpha_rad)
-        return row[7:16].reshape(3, 3), row[16:].reshape(3, 2)
+        return row[..., 1:7].reshape(*row.shape[:-1], 3, 2)
+
+    def tool(self, alpha_rad: Reals) -> tuple[Vector, Vector]:
+        """Return the tool's inertia (..., 3, 3) and what a deviation moves (..., 3, 2)."""
+        row = self._row(alpha_rad)
+        leading = row.shape[:-1]
+        return row[..., 7:16].reshape(*leading, 3, 3), row[..., 16:].reshape(*leading, 3, 2)
+
+    def displacement(self, force_x_n: Reals, alpha_rad: Reals) -> Vector:
+        """Return how far inward of the zero-moment state the arms have this force (...) [m].
+
+        Beyond a curve of the tables by its angle's tangent.
+        """
+        row, part = self._place(alpha_rad)
+        both = row[..., np.newaxis] + _NEIGHBOURS
+        force = np.asarray(force_x_n)[..., np.newaxis]
+        on_it, beyond = _interpolate(self.pressed_n, self.pressed_m, both, force)
+        found = on_it - beyond / self.stiffness[:, 0, 0].take(both)
+        first, last = found[..., 0], found[..., 1]
+        return np.asarray(first + part * (last - first))
+
+    def pressed_force(self, inward_m: Reals, alpha_rad: Reals) -> Vector:
+        """Return the force x on the arm (...) [N] at displacements, on the nearest curve."""
+        away = np.abs(np.asarray(alpha_rad)[..., np.newaxis] - self.alpha_rad)
+        row = np.argmin(away, axis=-1)
+        outward = -np.asarray(inward_m)
+        on_it, beyond = _interpolate(-self.pressed_m, self.pressed_n, row, outward)
+        return np.asarray(on_it + beyond * self.stiffness[:, 0, 0].take(row))
+
+
+_NEIGHBOURS = np.array([0, 1])
+
+
+def _interpolate(
+    growing: Vector, values: Vector, row: NDArray[np.intp], at: Vector
+) -> tuple[Vector, Vector]:
+    """Interpolate linearly on curves (n, m), at each place (...) on that of its row (...).
+
+    Return the value, at the ends that of the end, and how far beyond the end the place is.
+    """
+    curves = growing.take(row, axis=0)
+    inside = np.minimum(np.maximum(at, curves[..., 0]), curves[..., -1])
+    reached = np.add.reduce(curves[..., 1:-1] <= inside[..., np.newaxis], axis=-1, dtype=np.intp)
+    start = row * growing.shape[1] + reached
+    end = start + 1
+    x0, y0 = growing.take(start), values.take(start)
+    slope = (values.take(end) - y0) / (growing.take(end) - x0)
+    return slope * (inside - x0) + y0, at - inside

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dualbend.beam import elastica
-from dualbend.evaluation.sheet import no_oracle
+from dualbend.evaluation.sheet import no_theory
 from dualbend.report.moment import (
     ANGLE,
     bending_rows,
@@ -39,7 +39,7 @@ def moment_section(run: RunRecord) -> Section:
     title = "Moment over bending angle"
     if not bending_rows(run).size:
         return Section(title, [_NOT_BENT])
-    without = no_oracle(run.scenario)
+    without = no_theory(run.scenario)
     curves = moment_curves(run) if without else [*moment_curves(run), reference_at_ends(run)]
     caption = (
         f"Moment on the {run.sensing_side} gripper about the bending axis. Raw and filtered: the "
@@ -120,7 +120,7 @@ def shape_section(run: RunRecord) -> Section:
         "broad and grey: the zero-moment elastica of the sheet's own end slope. The arms lag "
         "behind the nominal angle, which names each shape."
     )
-    elastic = not no_oracle(run.scenario)
+    elastic = not no_theory(run.scenario)
     if not elastic:
         caption += " The sheet may yield, the elastica does not: it is drawn to be compared with."
     worst = max(1e3 * shape.off_elastica_m for shape in found)

@@ -38,10 +38,8 @@ def settings_of(scenario: Scenario) -> list[Setting]:
             name = ".".join((*section.path, key.name))
             if name in _NAMES_OF_THE_RUN:
                 continue
-            value, required = (
-                msgspec.to_builtins(getattr(values, key.name)),
-                key.in_section is REQUIRED,
-            )
+            value = msgspec.to_builtins(getattr(values, key.name))
+            required = key.in_section is REQUIRED
             default = None if required else msgspec.to_builtins(key.in_section)
             found.append(
                 Setting(

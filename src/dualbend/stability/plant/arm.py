@@ -1,4 +1,4 @@
-"""An arm that gives way: its joints, servos and tool under load, over one 28 ms cycle.
+"""A compliant arm: its joints, servos and tool under load, over one 28 ms cycle.
 
 The simulated arm follows its set-points to within what the load does to it. About a pose, with the
 moved joints q, their mass matrix M, servos (K, D), the feed-forward inertia J₀ and the grip's
@@ -20,7 +20,7 @@ import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponse
-from dualbend.stability.state_space import Blocks
+from dualbend.stability.state_space import StateSpace
 from dualbend.types import Vector
 
 
@@ -43,24 +43,24 @@ class Joints:
 
 
 @dataclass(frozen=True, kw_only=True)
-class YieldingArm:
-    """A moving arm with what it carries, and what the sensor reads of its motion.
+class CompliantArm:
+    """A moving arm with the sheet that it holds, and what the sensor reads of its motion.
 
-    ``sent`` (3, 2): a grip's x, z, α per δx, δα; ``load`` and ``carried`` (3, 3): stiffness and
-    mass of the sheet at the arm's own grip; ``read`` and ``read_mass`` (2, 3): force x and moment
-    that the sensing arm loses per displacement and per acceleration of this grip.
+    ``deviation_jacobian`` (3, 2): a grip's x, z, α per δx, δα; ``stiffness`` and ``mass`` (3, 3):
+    of the sheet at the arm's own grip; ``stiffness_read`` and ``mass_read`` (2, 3): force x and
+    moment that the sensing arm loses per displacement and per acceleration of this grip.
     """
 
     joints: Joints
-    sent: Vector
-    load: Vector
-    carried: Vector
-    read: Vector
-    read_mass: Vector
+    deviation_jacobian: Vector
+    stiffness: Vector
+    mass: Vector
+    stiffness_read: Vector
+    mass_read: Vector
 
     def cycle(
         self, response: CommandResponse, age_steps: int, acting: tuple[bool, bool]
-    ) -> tuple[Blocks, int]:
+    ) -> tuple[StateSpace, int]:
         """Return one cycle from set-points of the acting axes to wrench, and whole cycles of age.
 
         States: y, ẏ and the last set-point of each axis, then q and q̇. The wrench is the one of
@@ -69,7 +69,7 @@ class YieldingArm:
         steps = response.steps
         cycles = math.ceil(age_steps / steps)
         sensed = cycles * steps - age_steps
-        sent, joints = self.sent[:, acting], self.joints
+        sent, joints = self.deviation_jacobian[:, acting], self.joints
         axes, n = sent.shape[1], len(joints.stiffness)
         size = 3 * axes + 2 * n + axes
         ends = _reference(response)
@@ -85,12 +85,12 @@ class YieldingArm:
             q, v, acceleration = advance(q, v, reference)
             if step == sensed:
                 grip = joints.jacobian @ q, joints.jacobian @ acceleration
-                wrench = -(self.read @ grip[0] + self.read_mass @ grip[1])[list(acting)]
+                wrench = -(self.stiffness_read @ grip[0] + self.mass_read @ grip[1])[list(acting)]
         last = np.stack([ends[-1] @ part for part in from_axis], axis=1)
         setpoints = np.eye(size)[size - axes :]
         end = np.vstack([last[0], last[1], setpoints, q, v])
         states = size - axes
-        return Blocks(
+        return StateSpace(
             a=end[:, :states], b=end[:, states:], c=wrench[:, :states], d=wrench[:, states:]
         ), cycles
 
@@ -98,8 +98,8 @@ class YieldingArm:
         """Return the physics step: joints, speeds and references to new joints, speeds, q̈."""
         joints = self.joints
         jacobian = joints.jacobian
-        mass = joints.mass + jacobian.T @ self.carried @ jacobian
-        spring = np.diag(joints.stiffness) + jacobian.T @ self.load @ jacobian
+        mass = joints.mass + jacobian.T @ self.mass @ jacobian
+        spring = np.diag(joints.stiffness) + jacobian.T @ self.stiffness @ jacobian
         weights = np.stack([joints.stiffness, joints.damping, joints.feed_forward])
         drive = weights[:, :, np.newaxis] * asked
         solve = np.linalg.inv(mass + step_s * np.diag(joints.damping) + step_s**2 * spring)

@@ -1,12 +1,11 @@
-"""Where the compliance itself takes the grips: the state about which the loop may oscillate.
+"""Equilibrium of compliance and sheet: the state about which the loop may oscillate.
 
-The filter gives way to the whole wrench, not only to its error. A soft loop therefore holds the
+The admittance yields to the whole wrench, not only to its error. A soft loop therefore holds the
 sheet flatter than the path says, and the flatter sheet is the stiffer one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -15,9 +14,6 @@ from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import clamps_per_grips, sheet_tangent, sheet_wrench, solve_grips
 from dualbend.beam.sheet import Sheet
 from dualbend.types import Vector
-
-__all__ = ["Equilibrium", "rest", "sheet_mass", "sheet_tangent", "sheet_wrench", "solve_grips"]
-
 
 _LARGEST_STEP_M = 2e-3
 _ITERATIONS, _HALVINGS = 60, 8
@@ -66,15 +62,15 @@ def _moved_shape(state: RodState, clamp: int) -> Vector:
 
 @dataclass(frozen=True, kw_only=True)
 class Equilibrium:
-    """Where the grips come to rest (6,), the sheet there, and whether it was found."""
+    """The grips at rest (6,), the sheet's state there, and whether an equilibrium was found."""
 
     grips: Vector
     state: RodState
     settled: bool
 
 
-def rest(
-    sheet: Sheet, nominal: Vector, compliance: Vector, guesses: Sequence[RodState] = ()
+def find_equilibrium(
+    sheet: Sheet, nominal: Vector, compliance: Vector, guess: RodState | None = None
 ) -> Equilibrium:
     """Solve q = q_nominal + C F(q) by Newton's method, (1 + C K) Δq = q_nominal + C F − q.
 
@@ -85,8 +81,8 @@ def rest(
     nominal : (6,)
         Commanded grips in their bending frames [m, m, rad].
     compliance : (6, 6)
-        What arms, grasps and admittance give way per wrench on the arms.
-    guesses
+        Of arms, grasps and admittance per wrench on the arms.
+    guess
         A state nearby.
 
     Returns
@@ -94,7 +90,7 @@ def rest(
     Equilibrium
         The nominal grips with ``settled`` False where no equilibrium was found.
     """
-    start = solve_grips(sheet, nominal, guesses[0] if guesses else None)
+    start = solve_grips(sheet, nominal, guess)
     grips, state = nominal, start
     if not state.converged:
         return Equilibrium(grips=nominal, state=start, settled=False)

@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance
+from dualbend.mechanics.coupling import ModeName
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.continuous import delayed_loop, largest_stiffness
 from dualbend.stability.margins import FREQUENCIES_HZ, Z_INVERSE, margins
 from dualbend.stability.mode import Mode
-from dualbend.stability.plant.coupling import ModeName
 from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.sampled import LoopElements, SampledLoop
 from dualbend.study.onset.held import SingleAxis, held
@@ -105,15 +106,16 @@ class RayLoop:
         )
 
     def _with(self, b: float) -> LoopElements:
-        return replace(self._elements, admittance=Admittance(self.held(b).compliance))
+        admittance = Admittance(self.held(b).compliance, period_s=COMMAND_PERIOD_S)
+        return replace(self._elements, admittance=admittance)
 
     def _loops(self, b: float) -> dict[ModeName, SampledLoop]:
         elements, at = self._with(b), self.environment
         acting = (self._axis == "x", self._axis == "rotation")
         return {
-            name: SampledLoop(elements, stiffness, acting, at.inertia, at.arms[name])
-            for name, stiffness in at.loops.items()
-            if name != "opposed"
+            way: SampledLoop(elements, stiffness, acting, at.inertia, at.arms[way])
+            for way, stiffness in at.loops.items()
+            if way != "antisymmetric"
         }
 
 

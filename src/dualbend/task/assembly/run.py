@@ -14,10 +14,11 @@ from dualbend.control.compliance.object import (
     ObjectAdmittance,
     ObjectComplianceConfig,
     critical_rate,
+    net_wrench,
 )
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
-from dualbend.control.reading import Reading, net_wrench, vertical_force
+from dualbend.control.force_torque import WrenchReading
 from dualbend.errors import InputError
 from dualbend.planning.plan import AssemblyPlan, plan_assembly
 from dualbend.run.arm_load import refuse_overload
@@ -37,7 +38,7 @@ from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyProgram
 from dualbend.task.assembly.stiffness import object_stiffness
 from dualbend.task.assembly.workplace import check_workplace
-from dualbend.types import SIDES, Side, Vector
+from dualbend.types import SIDES, PlanarPose, Side, Vector
 
 LONGEST_S = 180.0
 """A sheet is laid within this, or the run is given up."""
@@ -220,12 +221,12 @@ class AssemblyRun(Run):
         """Return the stiffness over damping [1/s] that gives the loop the margin asked for."""
         scenario, step_s = self.scenario, self.scenario.physics.step_s
         elements = [
-            LowPass(scenario.filter).transfer_function(),
+            LowPass(scenario.filter, period_s=COMMAND_PERIOD_S).transfer_function(),
             TransportDelay(scenario.robot.alter.delay_cycles, 1).transfer_function(),
             self.cell.response.transfer_function(),
         ]
         age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
-        return critical_rate(elements, age) / compliance.gain_margin
+        return critical_rate(elements, age, COMMAND_PERIOD_S) / compliance.gain_margin
 
     def _stiffness(self, cell: RobotCell) -> Vector:
         """Return what the compliance works against along x, y and about z, at each of `BENDS`.
@@ -248,7 +249,9 @@ class AssemblyRun(Run):
         """Start again: the program, the compliance of the held sheet and its delay, too."""
         compliance = self.config.compliance
         self._admittance = (
-            None if compliance is None else ObjectAdmittance(compliance, BENDS, self._mobility)
+            None
+            if compliance is None
+            else ObjectAdmittance(compliance, BENDS, self._mobility, period_s=COMMAND_PERIOD_S)
         )
         self._delay = TransportDelay(self.scenario.robot.alter.delay_cycles, 3)
         self._task = self.program.begin()
@@ -269,21 +272,21 @@ class AssemblyRun(Run):
         x, rise, alpha = self._pose(goal.posture).tolist()
         place = _place(goal.posture)
         seen = self.observe(goal.phase, np.array([alpha, -x, place[2] + rise]))
-        sample = self.sample
-        readings = self.controller.sense(sample.wrench, sample.rotation, seen.grip[:, 3])
-        net = net_wrench(readings, -x, alpha, float(place[3]))
+        reading = self.sensors.read(self.sample.wrench, self.sample.rotation)
+        net = net_wrench(reading.filtered, -x, alpha, float(place[3]))
         deviation = self._comply(goal, net)
         self._note(goal, laid, deviation, net)
         moved = place + self._delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
-        command = self.controller.command(readings, x, rise, alpha)
+        nominal = PlanarPose(np.array([[x, rise, alpha]] * len(SIDES)))
+        observed, command = self.control(seen, PHASES[goal.phase], nominal, reading)
         self.grippers.drive(goal.posture.opening)
-        targets = carried_targets(command.pose, moved)
+        targets = carried_targets(command.pose.coordinates, moved)
         error = _error(targets, seen.grip[:, :3])
-        self.send(targets, readings, command)
+        self.send(targets, reading, observed, command)
         self.grippers.update()
         sensed = Sensed(
             net=net,
-            vertical=_vertical(readings, alpha),
+            vertical=_vertical(reading, alpha),
             gap=self.grippers.gap_m,
             error_m=error,
         )
@@ -346,12 +349,9 @@ def _place(posture: Posture) -> Vector:
     return np.array([posture.x, posture.y, posture.z, posture.yaw])
 
 
-def _vertical(readings: dict[int, Reading], alpha: float) -> Vector:
-    """Return the force on each arm along the vertical (2,) [N], filtered."""
-    force = np.zeros(len(SIDES))
-    for i, reading in readings.items():
-        force[i] = vertical_force(reading.sample.filtered_force_grip_n, alpha)
-    return force
+def _vertical(reading: WrenchReading, alpha: float) -> Vector:
+    """Return the force on each arm along the vertical (2,) [N], filtered; 0 without a sensor."""
+    return np.nan_to_num(reading.filtered.in_bending_frame(np.full(2, alpha)).force_n[:, 2])
 
 
 def _error(targets: Targets, grip: Vector) -> float:

@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 
 from dualbend.beam import elastica
-from dualbend.control.force_torque import skew
+from dualbend.mechanics.compliance import endpoint_compliance
+from dualbend.mechanics.jacobian import site_jacobian
 from dualbend.run.cell import RobotCell
 from dualbend.scene.cell import PAD_SITE
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, bend_joint, twist_joint
@@ -40,28 +41,24 @@ def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: flo
         turn = np.kron(np.eye(2), data.site_xmat[pad].reshape(3, 3))
         mine = cell.arms.joints(side)
         dofs = np.array([model.joint(name).dofadr[0] for name in simulation.joints[mine]])
-        by_arm = _jacobian(model, data, pad)[:, dofs]
+        by_arm = site_jacobian(model, data, pad)[:, dofs]
         hinges = _hinges(model, sign, pinned_m, cell)
-        by_sheet = _jacobian(model, data, model.site(end).id)[:, model.jnt_dofadr[hinges]]
+        by_sheet = site_jacobian(model, data, model.site(end).id)[:, model.jnt_dofadr[hinges]]
         compliance = (
-            (by_arm / cell.servo.stiffness[mine]) @ by_arm.T
-            + (turn / rubber) @ turn.T
-            + (by_sheet / model.jnt_stiffness[hinges].reshape(len(hinges), -1)[:, 0]) @ by_sheet.T
+            endpoint_compliance(by_arm, cell.servo.stiffness[mine])
+            + endpoint_compliance(turn, rubber)
+            + endpoint_compliance(
+                by_sheet, model.jnt_stiffness[hinges].reshape(len(hinges), -1)[:, 0]
+            )
         )
         reach = data.site_xpos[model.site(end).id] - place
         moves = np.eye(6)
-        moves[:3, 3:] = -skew(reach)
+        moves[:3, 3:] = np.cross(np.eye(3), reach).T
         total += moves.T @ np.linalg.solve(compliance, moves)
     held, free = [0, 1, 5], [2, 3, 4]
     across = total[np.ix_(free, held)]
     softened = across.T @ np.linalg.solve(total[np.ix_(free, free)], across)
     return np.asarray(total[np.ix_(held, held)] - softened)
-
-
-def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, site: int) -> Vector:
-    jacobian = np.zeros((6, model.nv))
-    mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
-    return jacobian
 
 
 def _hinges(model: mujoco.MjModel, sign: float, pinned_m: float, cell: RobotCell) -> list[int]:

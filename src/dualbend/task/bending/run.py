@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from dualbend.control.compliance.admittance import Compliance
-from dualbend.run.known_sheet import make_admittance
+from dualbend.control.controller import Controller
+from dualbend.run.known_sheet import make_compliance
 from dualbend.run.planar import PlanarRun
 from dualbend.scenario.motion import nominal_motion
 from dualbend.scenario.scenario import Scenario
@@ -28,7 +28,7 @@ class BendingRun(PlanarRun):
     def __init__(
         self,
         scenario: Scenario,
-        compliance: Callable[[Scenario], Compliance] = make_admittance,
+        compliance: Callable[[Scenario], Controller] = make_compliance,
     ) -> None:
         motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
         self._errors = errors_over_time(misalignment_of(scenario), motion)

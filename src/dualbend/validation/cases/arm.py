@@ -11,6 +11,7 @@ from dualbend.arm import mjcf as arm
 from dualbend.arm.model import ArmModel
 from dualbend.arm.pair import paper_pair
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.filters import LowPass, NoFilterConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,
@@ -81,7 +82,7 @@ def wrench_chain(model: mujoco.MjModel, sensor: ForceTorqueConfig) -> WrenchChai
     return WrenchChain(
         Sensor(sensor, np.random.default_rng(_SEED)),
         ToolGravityCompensation(mass, centre),
-        LowPass(NoFilterConfig()),
+        LowPass(NoFilterConfig(), period_s=COMMAND_PERIOD_S),
         np.eye(3),
     )
 
@@ -110,14 +111,14 @@ def held_weight_errors(sensor: ForceTorqueConfig, poses: int = 10) -> tuple[floa
         mujoco.mj_step(model, data, nstep=round(_HOLD_S / _HOLD_STEP_S))
         mujoco.mj_forward(model, data)
         # The sensor tells what the arm exerts on the tool; the chain wants its opposite.
-        force, torque = (-data.sensor(f"{_SIDE}_{name}").data for name in arm.FT_SENSORS)
+        wrench = np.concatenate([-data.sensor(f"{_SIDE}_{name}").data for name in arm.FT_SENSORS])
         rotation = data.site(f"{_SIDE}_{arm.FT_SITE}").xmat.reshape(3, 3)
-        sample = chain.update(force, torque, rotation)
+        sample = chain.update(wrench, rotation)
         upward = data.site(f"{_SIDE}_{arm.GRIP_SITE}").xmat.reshape(3, 3)[2]
         weight = -PAYLOAD_KG * GRAVITY_M_PER_S2 * upward
         difference = (
-            sample.force_grip_n - weight,
-            sample.torque_grip_nm - np.cross(centre, weight),
+            sample.raw.force_n - weight,
+            sample.raw.torque_nm - np.cross(centre, weight),
         )
         errors.append([np.linalg.norm(d) for d in difference])
     worst_force, worst_torque = np.max(errors, axis=0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import mujoco
 import numpy as np
 from scipy import optimize, signal
 
@@ -13,7 +12,8 @@ from dualbend.beam import elastica
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponseConfig
-from dualbend.mechanics.stiffness import endpoint_stiffness
+from dualbend.mechanics.compliance import endpoint_compliance
+from dualbend.mechanics.jacobian import PLANE, site_jacobian
 from dualbend.run.cell import RobotCell
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.simulation import Observation
@@ -29,9 +29,6 @@ Dry friction holds the last 0.1 mm of a step in z back, so smaller steps look sl
 
 STEP_SLOPE_RAD = 0.5
 """Bending angle at which the arms are stepped and pushed: the sheet is soft there."""
-
-_PLANE = (0, 2, 4)
-"""x, z and the turn about y in a wrench or twist of six."""
 
 _GRIP_PLANE = (0, 2, 3)
 """x, z and end slope among the four numbers of an observed grip."""
@@ -149,14 +146,14 @@ def stiffness_rows(settings: Sequence[str] = ()) -> Iterator[Row]:
     compliance = _compliance(cell)
     for i, (name, _, unit) in enumerate(DIRECTIONS):
         push = np.zeros(6)
-        push[_PLANE[i]] = _PUSH_NM if name == "alpha" else _PUSH_N
+        push[PLANE[i]] = _PUSH_NM if name == "alpha" else _PUSH_N
         _push_left_grip(cell, push)
         after = cell.rest()
         _push_left_grip(cell, np.zeros(6))
         load = push + after.wrench[0] - before.wrench[0]
         moved = (after.grip - before.grip)[0, _GRIP_PLANE[i]]
-        expected = (compliance @ load)[_PLANE[i]]
-        size = push[_PLANE[i]]
+        expected = (compliance @ load)[PLANE[i]]
+        size = push[PLANE[i]]
         yield relative(
             f"static end-point stiffness in {name}", size / moved, size / expected, unit, 0.05
         )
@@ -164,13 +161,10 @@ def stiffness_rows(settings: Sequence[str] = ()) -> Iterator[Row]:
 
 def _compliance(cell: HeldCell) -> Vector:
     """Return J Kq⁻¹ Jᵀ of the left grip (6, 6), world axes, which are its bending frame's."""
-    model, data = cell.model, cell.simulation.data
-    jacobian = np.zeros((6, model.nv))
-    grip = model.site(f"{SIDES[0]}_{arm.GRIP_SITE}").id
-    mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], grip)
+    grip = cell.model.site(f"{SIDES[0]}_{arm.GRIP_SITE}").id
+    jacobian = site_jacobian(cell.model, cell.simulation.data, grip)
     left = cell.arms.joints("left")
-    by_joints, stiffness = jacobian[:, cell.dof[left]], cell.servo.stiffness[left]
-    return np.asarray(np.linalg.inv(endpoint_stiffness(by_joints, stiffness)))
+    return endpoint_compliance(jacobian[:, cell.dof[left]], cell.servo.stiffness[left])
 
 
 def _push_left_grip(cell: HeldCell, wrench: Vector) -> None:

@@ -8,7 +8,7 @@ there the holds are opened without gravity, and each hinge keeps what its larges
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -26,7 +26,8 @@ from dualbend.scenario.motion import PHASES
 from dualbend.scene.sheet.strips import StripConfig, bend_joint
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Vector
-from dualbend.validation.cases.sheet import ideal_grips, oracle_loads, place_grips, settled_loads
+from dualbend.validation.cases.ideal_grips import gripped_strips, place_grips
+from dualbend.validation.cases.sheet import reference_loads, settled_loads
 from dualbend.validation.row import Row, relative
 
 SCENARIO = "springback"
@@ -80,7 +81,7 @@ def springback(sheet: Sheet, ratio: float, strips: StripConfig | None = None) ->
     strips = strips or StripConfig(damping_ratio=_DAMPING)
     assert sheet.plasticity is not None
     curvature = ratio * sheet.plasticity.first_yield(sheet.thickness_m)
-    model = ideal_grips(sheet, strips, weight=False, step_s=_STEP_S, weld_time_s=2.0 * _STEP_S)
+    model = gripped_strips(sheet, strips, weight=False, step_s=_STEP_S, weld_time_s=2.0 * _STEP_S)
     data = mujoco.MjData(model)
     addresses = [model.joint(bend_joint(i)).qposadr[0] for i in range(strips.hinges)]
     for now in np.linspace(0.0, curvature, round(_TURN_S / _STEP_S)).tolist():
@@ -121,17 +122,10 @@ def springback_rows() -> Iterator[Row]:
 def laminate_rows() -> Iterator[Row]:
     """Compare the end force of copper-clad strips with the rod of 1/d11."""
     sheet, whole = clad_sheet()
-    elastic = Sheet(
-        length_m=0.4,
-        width_m=sheet.width_m,
-        thickness_m=sheet.thickness_m,
-        young_pa=sheet.young_pa,
-        poisson_ratio=sheet.poisson_ratio,
-        density_kg_per_m3=sheet.density_kg_per_m3,
-    )
+    elastic = replace(sheet, length_m=0.4, plasticity=None)
     path, alphas = ExactPath(elastic.length_m, 1.0), np.array([0.3, 1.0])
     found = settled_loads(elastic, 20, path, alphas, weight=True).force_n
-    wanted = oracle_loads(elastic, path, alphas, weight=True).force_n
+    wanted = reference_loads(elastic, path, alphas, weight=True).force_n
     thickness = 1e6 * whole.thickness_m
     for alpha, measured, theory in zip(alphas, found, wanted, strict=True):
         label = f"sheet force, copper-clad FR-4 of {thickness:g} µm at {alpha:g} rad"

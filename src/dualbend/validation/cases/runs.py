@@ -1,4 +1,4 @@
-"""The shipped scenarios, run once each, against the oracle and against each other."""
+"""The shipped scenarios, run once each, against the rod and against each other."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from dualbend.arm.mjcf import GRIP_SITE
 from dualbend.evaluation.metrics import bending_rows, peak_by_piece
-from dualbend.evaluation.recorded_rod import Place, oracle_moments
+from dualbend.evaluation.recorded_rod import Place, reference_moments
 from dualbend.run.arms import arm_pair
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS
@@ -39,7 +39,7 @@ def run_shipped() -> dict[str, RunRecord]:
 
 
 def residual_rows(runs: Mapping[str, RunRecord]) -> Iterator[Row]:
-    """Judge how all runs end, and how far the solved joint angles miss the commanded poses."""
+    """Check how all runs end, and how far the solved joint angles miss the commanded poses."""
     unexpected = sum(not run.expected for run in runs.values())
     yield absolute("shipped scenarios that end unexpectedly", unexpected, 0.0, "1", 0.0)
     worst = np.max([ik_residuals(run) for run in runs.values()], axis=0)
@@ -85,33 +85,30 @@ def _miss(position: Vector, rotation: Vector, side: Side, pose: Vector) -> tuple
 
 
 def moment_rows(fig6: RunRecord) -> Iterator[Row]:
-    """Compare the moment of a run without compliance with the oracle, over its first peak.
+    """Compare the moment of a run without compliance with the rod, over its first peak.
 
     At the sheet's own edges the strips alone differ; at the grippers' poses the pads' compliance
-    is in between, which the oracle does not know.
+    is in between, which the rod does not know.
     """
     bending = np.flatnonzero(bending_rows(fig6))
     moment = fig6.trace["left_true_moment_y"]
-    peak = first_peak(fig6)
-    judged: tuple[tuple[Place, float, str], ...]
-    judged = (("grip", 0.10, "gripper"), ("edge", 0.03, "edge"))
-    for place, limit, words in judged:
-        name = f"fig6 moment error / first peak, at {words} poses"
-        yield absolute(name, moment_error(fig6, place), 0.0, "1", limit)
+    name = "fig6 moment error / first peak, at {} poses"
+    yield absolute(name.format("gripper"), moment_error(fig6, "grip"), 0.0, "1", 0.10)
+    yield absolute(name.format("edge"), moment_error(fig6, "edge"), 0.0, "1", 0.03)
     alpha = fig6.trace["left_grip_alpha"][bending]
     knots = fig6.scenario.path.make(fig6.scenario.sheet.length_m).knots[1:-1]
     at_knots = np.interp(knots, alpha, moment[bending], left=math.nan, right=math.nan)
-    largest = float(np.max(np.abs(at_knots))) / peak
+    largest = float(np.max(np.abs(at_knots))) / first_peak(fig6)
     yield absolute("fig6 moment at inner knots / first peak", largest, 0.0, "1", 0.10)
 
 
 def moment_error(run: RunRecord, place: Place) -> float:
-    """Return the largest error of the moment against the oracle while bending, over its first peak.
+    """Return the largest error of the moment against the rod while bending, over its first peak.
 
-    ``place`` as :func:`oracle_moments` has it; NaN where nothing was bent.
+    ``place`` as :func:`reference_moments` has it; NaN where nothing was bent.
     """
     rows = np.flatnonzero(bending_rows(run))
-    error = run.trace["left_true_moment_y"][rows] - oracle_moments(run, place, rows)
+    error = run.trace["left_true_moment_y"][rows] - reference_moments(run, place, rows)
     return float(np.max(np.abs(error))) / first_peak(run) if error.size else math.nan
 
 
@@ -127,9 +124,14 @@ def comparison_rows(runs: Mapping[str, RunRecord]) -> Iterator[Row]:
     ratio = _largest_ratio(runs["fig8"], plain, compliant)
     yield at_most("fig8 / fig6 peak moment, worst piece with compliance", ratio, 0.6, "1")
     yield from oscillation_rows(runs["fig8"], runs["fig9"])
-    exact = runs["exact"].metrics["peak_moment"].value
-    peak = exact if isinstance(exact, float) else math.nan
-    yield at_most("exact / fig6 peak moment", peak / first_peak(runs["fig6"]), 0.3, "1")
+    ratio = metric(runs["exact"], "peak_moment") / first_peak(runs["fig6"])
+    yield at_most("exact / fig6 peak moment", ratio, 0.3, "1")
+
+
+def metric(run: RunRecord, name: str) -> float:
+    """Return a metric; NaN where it does not apply."""
+    value = run.metrics[name].value
+    return value if isinstance(value, float) else math.nan
 
 
 def _largest_ratio(compliant_run: RunRecord, plain: list[float], compliant: list[float]) -> float:
@@ -145,22 +147,17 @@ def _largest_ratio(compliant_run: RunRecord, plain: list[float], compliant: list
 
 
 def oscillation_rows(fig8: RunRecord, fig9: RunRecord) -> Iterator[Row]:
-    """Judge that a too small B makes the loop oscillate: growth, and a moment far above fig8's.
+    """Check that a too small B makes the loop oscillate: growth, and a moment far above fig8's.
 
     A protective stop is the other way in which such a loop ends.
     """
     if fig9.outcome == "protective_stop":
         yield at_least("fig9 ends in a protective stop", 1.0, 1.0, "1")
         return
-    growth = fig9.metrics["oscillation_growth"].value
-    rate = growth if isinstance(growth, float) else math.nan
+    rate = metric(fig9, "oscillation_growth")
     yield at_least("fig9 growth rate of the oscillation", rate, SMALLEST_GROWTH, "1/s")
-    ratio = _peak_from(fig9, 1) / _peak_from(fig8, 1)
-    yield at_least("fig9 / fig8 peak moment from the second piece on", ratio, 3.0, "1")
-
-
-def _peak_from(run: RunRecord, piece: int) -> float:
-    return max(peak_by_piece(run)[piece:], default=math.nan)
+    late, plain = (max(peak_by_piece(run)[1:], default=math.nan) for run in (fig9, fig8))
+    yield at_least("fig9 / fig8 peak moment from the second piece on", late / plain, 3.0, "1")
 
 
 def differing_values(first: RunRecord, second: RunRecord) -> int:

@@ -1,7 +1,7 @@
 """The shell against plate theory: cylindrical bending, anticlastic bending, twist, corner loads.
 
-The plate hangs between two ideal grips, as the strips do in their validation, and is settled at
-each pose with far more damping than a sheet has.
+The plate hangs between two ideal grips and is settled at each pose with far more damping than a
+sheet has.
 """
 
 from __future__ import annotations
@@ -26,12 +26,15 @@ from dualbend.scene.sheet.shell import (
     row_shares,
 )
 from dualbend.types import Vector
-from dualbend.validation.cases.sheet import (
+from dualbend.validation.cases.ideal_grips import (
     add_ideal_grips,
-    default_sheet,
-    end_jacobian,
+    elastica_slopes,
+    empty_scene,
+    left_wrench,
     place_grips,
+    roll_right_grip,
 )
+from dualbend.validation.cases.sheet import default_sheet
 from dualbend.validation.row import Row, at_least, relative
 
 TOLERANCE, TWIST_TOLERANCE, WIDE_TWIST_TOLERANCE, ANTICLASTIC_TOLERANCE = 0.03, 0.02, 0.05, 0.1
@@ -78,44 +81,27 @@ def settle(
     sheet: Sheet, config: ShellConfig, alpha: float, half_distance: float, roll_rad: float = 0.0
 ) -> Settled:
     """Return the plate at rest between ideal grips, the right one rolled; no weight."""
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    spec.option.timestep = _STEP_S
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    spec.option.gravity = [0.0, 0.0, 0.0]
+    spec = empty_scene(_STEP_S, weight=False)
     prepare_for_shell(spec)
     add_shell(spec, sheet, config, np.zeros(3))
     add_ideal_grips(spec, _WELD_TIME_S, _WELD_ARM_M)
     model = spec.compile()
     shell, data = ShellModel(model, sheet, config), mujoco.MjData(model)
-    slope = float(elastica.end_slope_from_half_distance(half_distance, sheet.length_m))
-    arcs = np.linspace(0.0, sheet.length_m, config.cells_along + 1)
-    _, _, slopes = elastica.shape(slope, sheet.length_m, arcs)
-    middle = np.array([0.0, 0.0, -float(elastica.rise(slope, sheet.length_m))])
-    shell.place(data.qpos, np.asarray(slopes), middle, 0.0)
+    slopes, rise = elastica_slopes(sheet, half_distance, config.cells_along)
+    shell.place(data.qpos, slopes, np.array([0.0, 0.0, -rise]), 0.0)
     place_grips(data, alpha, half_distance)
-    _roll(model, data, roll_rad)
+    if roll_rad:
+        roll_right_grip(model, data, roll_rad, _TWIST_STEPS)
     for step in range(round(_REST_S / _STEP_S)):
         mujoco.mj_step(model, data)
         if step > 20 and np.abs(data.qvel).max() < _REST_SPEED:
             break
     mujoco.mj_forward(model, data)
-    wrench, *_ = np.linalg.lstsq(end_jacobian(model, data).T, data.qfrc_constraint, rcond=1e-12)
     return Settled(
-        wrench=-wrench[:6],
+        wrench=left_wrench(model, data),
         vertices=shell.columns(data).copy(),
         bends=shell.bending_angles(data),
     )
-
-
-def _roll(model: mujoco.MjModel, data: mujoco.MjData, roll_rad: float) -> None:
-    """Roll the right grip about its x_G, little by little."""
-    nominal = data.mocap_quat[1].copy()
-    for share in np.linspace(0.0, 1.0, _TWIST_STEPS + 1)[1:] if roll_rad else ():
-        half = 0.5 * share * roll_rad
-        rolled = np.array([math.cos(half), math.sin(half), 0.0, 0.0])
-        mujoco.mju_mulQuat(data.mocap_quat[1], nominal, rolled)
-        mujoco.mj_step(model, data)
 
 
 def plate_stiffness(sheet: Sheet) -> float:
@@ -127,7 +113,7 @@ def cylindrical_rows() -> Iterator[Row]:
     """Compare force and moment with the rod of rigidity D w, on and off the zero-moment path.
 
     With ν = 0 bending is cylindrical at any width, and the shipped mesh alone differs; with the
-    shipped ν the sheet is wide, and what its free edges give way is within the error.
+    shipped ν the sheet is wide, and how far its free edges yield is within the error.
     """
     shipped, _ = default_sheet()
     cases = (
@@ -145,25 +131,18 @@ def cylindrical_rows() -> Iterator[Row]:
             yield relative(f"shell moment, {where}", found.moment_nm, moment, "N m", TOLERANCE)
 
 
-def cylindrical_errors(cells: Sequence[int], alpha: float = 0.8) -> Vector:
-    """Return the relative errors of P and M (n, 2) for numbers of cells along, ν = 0."""
+def order_rows(cells: Sequence[int] = (10, 20, 40), alpha: float = 0.8) -> Iterator[Row]:
+    """Return the orders of convergence of force and moment in the number of cells along, ν = 0."""
     sheet = replace(default_sheet()[0], poisson_ratio=0.0)
     half = float(elastica.half_distance(alpha, sheet.length_m)) + 2e-3
     wanted = rod.solve_symmetric(plate_stiffness(sheet), sheet.length_m, alpha, half)
     found = [settle(sheet, shell_config(n, 2), alpha, half) for n in cells]
-    return np.array(
-        [
-            [f.force_n / wanted.end_force_n - 1.0, f.moment_nm / wanted.end_moment_nm - 1.0]
-            for f in found
-        ]
-    )
-
-
-def order_rows(cells: Sequence[int] = (10, 20, 40)) -> Iterator[Row]:
-    """Return the orders of convergence of force and moment in the number of cells along."""
-    errors = np.abs(cylindrical_errors(cells))
-    for name, column in zip(("force", "moment"), errors.T, strict=True):
-        order = -float(np.polyfit(np.log(cells), np.log(column), 1)[0])
+    for name, values, reference in (
+        ("force", [f.force_n for f in found], wanted.end_force_n),
+        ("moment", [f.moment_nm for f in found], wanted.end_moment_nm),
+    ):
+        errors = np.abs(np.array(values) / reference - 1.0)
+        order = -float(np.polyfit(np.log(cells), np.log(errors), 1)[0])
         yield at_least(f"shell {name}, order of convergence in N", order, 1.8, "1")
 
 
@@ -253,7 +232,7 @@ def twist_over_rod(sheet: Sheet, config: ShellConfig) -> tuple[float, Vector]:
         bent = hinge.stiffness * float(weights @ settled.vertices[columns, rows, 2])
         np.add.at(force, (columns, rows), -bent * weights)
     torque = force[:2].sum(axis=0) * settled.vertices[0, :, 1]
-    # As the edges stand: the welds of the ideal grips give way by some per cent of the angle.
+    # As the edges stand: the welds of the ideal grips yield by some per cent of the angle.
     edges = settled.vertices[[0, -1]]
     tilts = (edges[:, -1, 2] - edges[:, 0, 2]) / sheet.width_m
     expected = sheet.torsional_stiffness_nm2 * (tilts[1] - tilts[0]) / sheet.length_m
@@ -279,7 +258,7 @@ def twist_rows() -> Iterator[Row]:
 
 
 def shell_rows() -> Iterator[Row]:
-    """Judge the shell; takes half a minute."""
+    """Check the shell; takes half a minute."""
     yield from cylindrical_rows()
     yield from order_rows()
     yield from anticlastic_rows()

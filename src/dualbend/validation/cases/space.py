@@ -1,6 +1,6 @@
 """Misaligned grips against Kirchhoff's rod: twist between ideal grips, twist and shear in the cell.
 
-Theory gets the poses that the sheet's edges really have, so that neither pads nor arms enter; only
+Theory is given the poses that the sheet's edges really have: neither pads nor arms enter; only
 the flat sheet, whose strips are rigid in their plane, needs the pads in series with it.
 """
 
@@ -16,19 +16,21 @@ from dualbend.beam import elastica
 from dualbend.beam.rod import planar as rod
 from dualbend.beam.rod.space import RodStiffness, SpaceGrip, SpaceState, solve_space
 from dualbend.beam.sheet import Sheet
+from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
 from dualbend.task.bending.config import misalignment_of
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Vector
-from dualbend.validation.cases.sheet import (
-    default_sheet,
-    end_jacobian,
-    ideal_grips,
+from dualbend.validation.cases.ideal_grips import (
+    gripped_strips,
+    left_wrench,
+    roll_right_grip,
     start_on_elastica,
 )
-from dualbend.validation.row import Row, relative
+from dualbend.validation.cases.sheet import default_sheet
+from dualbend.validation.row import Row, relative, worst
 
 ROLL_RAD, LATERAL_M, YAW_RAD = 0.02, 0.5e-3, 2e-3
 """Errors of the right grip: small angles, and no more than the pads turn a moment of 1 N m into."""
@@ -50,7 +52,7 @@ def turn(roll: float, pitch: float, yaw: float) -> Vector:
     return np.asarray(about_z @ about_y @ about_x)
 
 
-def oracle(
+def reference_state(
     sheet: Sheet,
     left: SpaceGrip,
     right: SpaceGrip,
@@ -86,26 +88,18 @@ def twisted_between_ideal_grips(
 
     Returns the wrench (6,) on the left gripper in the world, and both grips.
     """
-    model = ideal_grips(sheet, strips, weight=False, step_s=_STEP_S, weld_arm_m=_WELD_ARM_M)
+    model = gripped_strips(sheet, strips, weight=False, step_s=_STEP_S, weld_arm_m=_WELD_ARM_M)
     half = float(elastica.half_distance(alpha, sheet.length_m))
     data = start_on_elastica(model, sheet, strips.hinges, alpha, half)
-    nominal = data.mocap_quat[1].copy()
-    steps = round(_RAMP_S / _STEP_S)
-    for i in range(steps):
-        angle = roll_rad * (i + 1) / steps
-        rolled = np.array([math.cos(angle / 2), math.sin(angle / 2), 0.0, 0.0])
-        mujoco.mju_mulQuat(data.mocap_quat[1], nominal, rolled)
-        mujoco.mj_step(model, data)
+    roll_right_grip(model, data, roll_rad, round(_RAMP_S / _STEP_S))
     mujoco.mj_step(model, data, nstep=round(_REST_S / _STEP_S))
     mujoco.mj_forward(model, data)
-    wrench, *_ = np.linalg.lstsq(end_jacobian(model, data).T, data.qfrc_constraint, rcond=1e-10)
-    # Where the edges are: a weld of MuJoCo's gives way by a few per cent of such a small torque.
+    # Where the edges are: a weld of MuJoCo's yields by a few per cent of such a small torque.
     edges = [data.site(name) for name in (LEFT_END, RIGHT_END)]
     axes = [edge.xmat.reshape(3, 3) for edge in edges]
     left = SpaceGrip(edges[0].xpos.copy(), axes[0].copy())
     right = SpaceGrip(edges[1].xpos.copy(), axes[1] @ _HALF_TURN)
-    # The constraint pushes the sheet; what the sheet exerts on the grip is the opposite.
-    return -np.asarray(wrench[:6]), left, right
+    return left_wrench(model, data), left, right
 
 
 def twist_rows() -> Iterator[Row]:
@@ -120,7 +114,7 @@ def twist_rows() -> Iterator[Row]:
     yield relative("twist torque, flat, ideal grips", wrench[3], expected, "N m", TWIST_TOLERANCE)
     for alpha in (0.3, 0.6, 1.0):
         wrench, left, right = twisted_between_ideal_grips(sheet, strips, alpha, ROLL_RAD)
-        theory = oracle(sheet, left, right, weight=False)
+        theory = reference_state(sheet, left, right, weight=False)
         for name, load, unit in (("torque", slice(3, 6), "N m"), ("lateral force", 1, "N")):
             found, wanted = (
                 float(np.dot(w[load], left.axes[:, 0])) if name == "torque" else float(w[1])
@@ -158,7 +152,7 @@ def true_wrench(result: RunRecord, row: int, side: str = "left") -> Vector:
 
 
 def bent_rows() -> Iterator[Row]:
-    """Compare what the left gripper of the cell feels out of the plane while the sheet is bent.
+    """Compare the loads on the left gripper out of the plane while the sheet is bent in the cell.
 
     Theory gets the poses of the sheet's edges. Each row is the worst of five bending angles from
     0.2 rad on, relative to the largest of that load among them.
@@ -174,48 +168,32 @@ def bent_rows() -> Iterator[Row]:
         rows = [int(np.argmax(alpha >= a)) for a in np.linspace(_FROM_RAD, alpha[-1], _POINTS)]
         found = np.array([true_wrench(result, row) for row in rows])
         wanted = np.array(
-            [oracle(sheet, *edge_grips(result, row), weight=True).left for row in rows]
+            [reference_state(sheet, *edge_grips(result, row), weight=True).left for row in rows]
         )
         for name, i, unit in zip(names, (1, 3, 5), ("N", "N m", "N m"), strict=True):
-            worst = int(np.argmax(np.abs(found[:, i] - wanted[:, i])))
             scale = float(np.abs(wanted[:, i]).max())
             what = f"{name}, grip {label}, bent, at the edges' poses"
-            yield relative(what, found[worst, i], wanted[worst, i], unit, LATERAL_TOLERANCE, scale)
+            yield worst(what, found[:, i], wanted[:, i], unit, LATERAL_TOLERANCE, scale)
 
 
-def flat_compliance(result: RunRecord, *, in_plane: bool) -> Vector:
-    """Return the compliance (2, 2) of pads and flat sheet to y [m] and yaw [rad] of the right edge.
-
-    Both pads in series with the clamped strip: lateral L³/3EI_z, L²/2EI_z, L/EI_z, or nothing
-    where the sheet does not give in its plane, as the strips do not.
-    """
-    scenario = result.scenario
-    L, grasp = scenario.sheet.length_m, scenario.grasp
-    pad = np.diag(
-        [1.0 / grasp.translational_stiffness_n_per_m, 1.0 / grasp.rotational_stiffness_n_m_per_rad]
-    )
-    carried = np.array([[1.0, L], [0.0, 1.0]])
-    total = pad + carried @ pad @ carried.T
-    if in_plane:
-        flexible = 1.0 / RodStiffness.of(scenario.sheet.sheet()).lateral_nm2
-        total += flexible * np.array([[L**3 / 3.0, L**2 / 2.0], [L**2 / 2.0, L]])
-    return np.asarray(total)
-
-
-def flat_loads(result: RunRecord, row: int, *, in_plane: bool = False) -> Vector:
+def flat_loads(result: RunRecord, row: int) -> Vector:
     """Return lateral force [N] and moment about z [N m] on the right gripper, flat, by theory.
 
-    The grips are where the trace says; dry friction in the joints may hold the arms or not.
+    Both pads are in series; the strips are rigid in the sheet's plane. The grips are where the
+    trace says; dry friction in the joints may hold the arms or not.
     """
     errors = misalignment_of(result.scenario)
     assert errors is not None
     left, right = edge_grips(result, row, "grip")
     lateral, _, yaw = errors.errors()[1]
-    L = result.scenario.sheet.length_m
+    L, grasp = result.scenario.sheet.length_m, result.scenario.grasp
+    pad = [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad]
     turned = [math.atan2(g.axes[1, 0], g.axes[0, 0]) for g in (left, right)]
     across = -lateral + right.position_m[1] - left.position_m[1] - L * turned[0]
     gap = np.array([across, yaw + turned[1] - turned[0]])
-    on_sheet = np.linalg.solve(flat_compliance(result, in_plane=in_plane), gap)
+    # Of y [m] and yaw [rad] at the right edge.
+    compliance = endpoint_compliance([[1.0, 0.0, 1.0, L], [0.0, 1.0, 0.0, 1.0]], [*pad, *pad])
+    on_sheet = np.linalg.solve(compliance, gap)
     # On the gripper it is the opposite, and the right bending frame's y is minus the world's.
     return np.array([on_sheet[0], -on_sheet[1]])
 
@@ -236,7 +214,7 @@ def flat_rows() -> Iterator[Row]:
 
 
 def space_rows() -> Iterator[Row]:
-    """Judge what misaligned grips feel; takes 15 s."""
+    """Check the loads of misaligned grips; takes 15 s."""
     yield from twist_rows()
     yield from bent_rows()
     yield from flat_rows()

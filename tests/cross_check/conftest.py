@@ -1,4 +1,4 @@
-"""The lane of the witnesses: its marker, its report, and what a missing witness means."""
+"""The lane of the cross-checks: its marker, its report, and what a missing code means."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import pytest
-from witness_rows import Report
+from cross_check_rows import Report
 
-REQUIRE = "DUALBEND_REQUIRE_WITNESSES"
+REQUIRE = "DUALBEND_REQUIRE_CROSS_CHECKS"
 HERE = Path(__file__).parent
 
 
@@ -21,11 +21,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark every test of this folder."""
     for item in items:
         if HERE in item.path.parents:
-            item.add_marker(pytest.mark.witness)
+            item.add_marker(pytest.mark.cross_check)
 
 
 def missing(what: str, remedy: str) -> NoReturn:
-    """Skip where a witness is not installed, or fail where it is required."""
+    """Skip where another code is not installed, or fail where it is required."""
     message = f"{what} is not installed: {remedy}"
     if os.environ.get(REQUIRE) == "1":
         pytest.fail(message)
@@ -33,11 +33,11 @@ def missing(what: str, remedy: str) -> NoReturn:
 
 
 def library(module: str, distribution: str, report: Report) -> Any:
-    """Return a witness's module and note its version."""
+    """Return another code's module and note its version."""
     try:
         found = importlib.import_module(module)
     except ImportError:
-        missing(distribution, "pip install 'dualbend[witness]'")
+        missing(distribution, "pip install 'dualbend[cross-check]'")
     report.versions[distribution] = importlib.metadata.version(distribution)
     return found
 

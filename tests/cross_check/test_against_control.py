@@ -8,23 +8,22 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+from cross_check_rows import Report
 from numpy.typing import NDArray
-from witness_rows import Report
 
-from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.filters import NYQUIST_HZ
+from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.margins import Sweep, eigenloci, loop_margins
+from dualbend.stability.margins import eigenloci, loop_margins
 from dualbend.stability.plant.environment import Environment, environments
-from dualbend.stability.prediction import judge
-from dualbend.stability.sampled import LoopElements, SampledLoop, si_per_unit
+from dualbend.stability.prediction import evaluate
+from dualbend.stability.sampled import LoopElements, SampledLoop, environment_loops, si_per_unit
 
 Vector = NDArray[np.float64]
 ComplexVector = NDArray[np.complex128]
 AxisName = Literal["x", "rotation"]
 
-WITNESS = "python-control"
+CODE = "python-control"
 ALPHAS = (0.2, 0.5, 0.9)
 OMEGA = 2.0 * math.pi * np.geomspace(0.015, NYQUIST_HZ * (1.0 - 1e-9), 4000)
 """Where control looks at a loop [rad/s]: another grid than the project's own."""
@@ -94,8 +93,7 @@ def test_one_axis_from_physical_parameters(
     """A rigid arm without tool: nothing is asked of this project but K and the filter's taps."""
     _, elements, met = _met(name)
     acting, index = (axis == "x", axis == "rotation"), int(axis == "rotation")
-    sweep = Sweep.of(elements)
-    run = report.run(WITNESS, f"{name}, {axis} alone, rigid arm")
+    run = report.run(CODE, f"{name}, {axis} alone, rigid arm")
     for at in met:
         way = next(iter(at.loops))
         stiffness = float(at.loops[way][index, index])
@@ -103,9 +101,9 @@ def test_one_axis_from_physical_parameters(
         def project(k: Vector = at.loops[way]) -> tuple[Any, Any]:
             loop = SampledLoop(elements, k, acting)
             mode = loop.mode()
-            return mode, loop_margins(loop, sweep, stable=mode.stable)
+            return mode, loop_margins(loop, stable=mode.stable)
 
-        def witness(k: float = stiffness) -> tuple[Vector, Any]:
+        def other(k: float = stiffness) -> tuple[Vector, Any]:
             opened = _loop(control, name, axis, k)
             # From the response: by its polynomials, badly conditioned by the many roots at the
             # origin, control finds no crossing in one of these loops, and warns.
@@ -114,7 +112,7 @@ def test_one_axis_from_physical_parameters(
             return control.feedback(opened, 1).poles(), found
 
         mode, margins = run.timed("project", project)
-        poles, (gains, phases, _, turns, *_) = run.timed("witness", witness)
+        poles, (gains, phases, _, turns, *_) = run.timed("other", other)
         first = int(np.argmin(gains))
         label = f"{at.alpha_rad:g} rad"
         assert (np.abs(poles).max() < 1.0) == mode.stable
@@ -157,27 +155,20 @@ def _encirclements(control: Any, locus: Any) -> int:
 def test_the_loop_that_runs(name: str, control: Any, report: Report) -> None:
     """Arm, tool and both axes: the project's frequency response, judged by control."""
     _, elements, met = _met(name)
-    sweep = Sweep.of(elements)
-    run = report.run(WITNESS, f"{name}, as it runs")
+    run = report.run(CODE, f"{name}, as it runs")
     for at in met:
-        row = run.timed("project", lambda e=at: judge(elements, sweep, e, "coupled"))
-        loop = SampledLoop(
-            elements,
-            at.loops[row.moving],
-            elements.acting("coupled", at.alpha_rad),
-            at.inertia,
-            at.arms[row.moving],
-            at.alpha_rad,
-        )
+        row = run.timed("project", lambda e=at: evaluate(elements, e, "coupled"))
+        acting = elements.acting("coupled", at.alpha_rad)
+        loop = environment_loops(elements, at, acting)[row.moving]
         loci = eigenloci(loop.open_loop(np.exp(-1j * OMEGA * COMMAND_PERIOD_S)))
 
-        def witness(parts: ComplexVector = loci) -> tuple[list[Any], int]:
+        def other(parts: ComplexVector = loci) -> tuple[list[Any], int]:
             data = [control.frd(part, OMEGA, smooth=True) for part in parts.T]
             turns = sum(_encirclements(control, d) for d in data)
             return [control.stability_margins(d, returnall=True) for d in data], turns
 
-        found, turns = run.timed("witness", witness)
-        grows = int((np.abs(np.linalg.eigvals(loop.a)) >= 1.0).sum())
+        found, turns = run.timed("other", other)
+        grows = int((np.abs(np.linalg.eigvals(loop.closed.a)) >= 1.0).sum())
         run.row(
             "unstable poles, counted by Nyquist",
             f"{at.alpha_rad:g} rad",

@@ -13,7 +13,7 @@ from dualbend.validation.cases.sheet import (
     INTERVAL_RAD,
     EndLoads,
     default_sheet,
-    oracle_loads,
+    reference_loads,
     settled_loads,
 )
 
@@ -58,5 +58,5 @@ def simulated(sheet: Sheet, given: Points, *, weight: bool) -> EndLoads:
 
 
 def theory(sheet: Sheet, given: Points, *, weight: bool) -> EndLoads:
-    """Return the elastica off the optimum, by this project's oracle."""
-    return oracle_loads(sheet, given.path, given.alphas, weight=weight)
+    """Return the elastica off the optimum, by this project's rod."""
+    return reference_loads(sheet, given.path, given.alphas, weight=weight)

@@ -1,4 +1,4 @@
-"""Rows of the witnesses' table, and the file in which they wait to be written down."""
+"""Rows of the table of cross-checks, and the file in which they wait to be written down."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 ROOT = Path(__file__).parents[2]
-ROWS_FILE = ROOT / "runs" / "witnesses.json"
+ROWS_FILE = ROOT / "runs" / "cross-checks.json"
 
 T = TypeVar("T")
 
@@ -23,14 +23,14 @@ def _processor_time() -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One quantity at one point: this project, theory and witness, all in ``unit``.
+    """One quantity at one point: this project, theory and cross-check, all in ``unit``.
 
-    ``difference`` is witness less project, ``from_theory`` witness less theory, both over |theory|
-    (or |project| where there is no theory) unless ``scale`` [unit] was given. None: no such number.
+    ``difference`` is the cross-check less the project, ``from_theory`` less the theory, both over
+    |theory| (|project| where there is none) unless ``scale`` [unit] was given. None: no number.
     ``asked``: what was asked for of both, None where nothing was.
     """
 
-    witness: str
+    code: str
     run: str
     quantity: str
     point: str
@@ -43,7 +43,7 @@ class Row:
     asked: float | None
 
     def within(self, tolerance: float) -> bool:
-        """Say whether the witness differs from project and theory by less than a part."""
+        """Say whether the cross-check differs from project and theory by less than a part."""
         parts = [p for p in (self.difference, self.from_theory) if p is not None]
         # A NaN is not within anything.
         return bool(parts) and all(abs(part) < tolerance for part in parts)
@@ -51,9 +51,9 @@ class Row:
 
 @dataclass(kw_only=True)
 class Run:
-    """One calculation by a witness, with its rows and the seconds that each part took."""
+    """One calculation by another code, with its rows and the seconds that each part took."""
 
-    witness: str
+    code: str
     name: str
     rows: list[Row] = field(default_factory=list)
     seconds: dict[str, float] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class Run:
             return None if other is None or not size else (float(found) - float(other)) / size
 
         made = Row(
-            witness=self.witness,
+            code=self.code,
             run=self.name,
             quantity=quantity,
             point=point,
@@ -104,27 +104,27 @@ class Run:
 
 @dataclass(kw_only=True)
 class Report:
-    """What one session of witnesses found."""
+    """What one session of cross-checks found."""
 
     runs: list[Run] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
 
-    def run(self, witness: str, name: str) -> Run:
+    def run(self, code: str, name: str) -> Run:
         """Begin a calculation."""
-        made = Run(witness=witness, name=name)
+        made = Run(code=code, name=name)
         self.runs.append(made)
         return made
 
     def save(self, path: Path = ROWS_FILE) -> None:
-        """Write the runs; those of witnesses that this session did not call stay."""
-        called = {run.witness for run in self.runs}
+        """Write the runs; those of codes that this session did not call stay."""
+        called = {run.code for run in self.runs}
         old: dict[str, Any] = {}
         if path.exists():
             old = json.loads(path.read_text(encoding="utf-8"))
         content = {
             "machine": f"Python {platform.python_version()}, {platform.machine()}",
             "versions": {**old.get("versions", {}), **self.versions},
-            "runs": [run for run in old.get("runs", []) if run["witness"] not in called]
+            "runs": [run for run in old.get("runs", []) if run["code"] not in called]
             + [asdict(run) for run in self.runs],
         }
         path.parent.mkdir(exist_ok=True)

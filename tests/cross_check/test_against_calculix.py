@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from witness_rows import Report
-from witness_sheet import SHIPPED, WIDE, Points, exact, piecewise, poses, simulated, theory
+from cross_check_rows import Report
+from cross_check_sheet import SHIPPED, WIDE, Points, exact, piecewise, poses, simulated, theory
 
 from dualbend.beam.sheet import Sheet
 from dualbend.validation.cases.sheet import first_peak_moment
 
-WITNESS = "CalculiX"
+CODE = "CalculiX"
 FORCE_TOLERANCE, MOMENT_TOLERANCE = 0.02, 0.03
 """Asked for."""
 
@@ -32,11 +32,11 @@ def test_cylindrical_bending_is_the_elastica_with_the_plate_s_rigidity(
     from plate_fem import Mesh, clamped_loads
 
     given, stiff = points(WIDE), plate(WIDE)
-    run = report.run(WITNESS, f"{given.name}, plane strain, all with D")
+    run = report.run(CODE, f"{given.name}, plane strain, all with D")
     project = run.timed("project", lambda: simulated(stiff, given, weight=False))
     wanted = run.timed("theory", lambda: theory(stiff, given, weight=False))
     mesh = Mesh(along=32, across=1, clamp_grading=30.0, plane_strain=True)
-    found = run.timed("witness", lambda: clamped_loads(WIDE, poses(given), mesh, tmp_path))
+    found = run.timed("other", lambda: clamped_loads(WIDE, poses(given), mesh, tmp_path))
     peak = first_peak_moment(stiff)
     for i, alpha in enumerate(given.alphas.tolist()):
         where = f"{alpha:g} rad"
@@ -68,16 +68,14 @@ def test_cylindrical_bending_is_the_elastica_with_the_plate_s_rigidity(
 def test_plane_strain_converges(calculix: str, report: Report, tmp_path: Path) -> None:
     from plate_fem import Mesh, clamped_loads
 
-    run = report.run(WITNESS, "0.2 rad path, 0.5 rad, plane strain: convergence")
+    run = report.run(CODE, "0.2 rad path, 0.5 rad, plane strain: convergence")
     given = replace(piecewise(WIDE), alphas=np.array([0.5]))
     wanted = theory(plate(WIDE), given, weight=False)
     errors = []
     for along in (8, 16, 32):
         mesh = Mesh(along=along, across=1, clamp_grading=30.0, plane_strain=True)
         folder = tmp_path / str(along)
-        found = run.timed(
-            "witness", lambda m=mesh, f=folder: clamped_loads(WIDE, poses(given), m, f)
-        )
+        found = run.timed("other", lambda m=mesh, f=folder: clamped_loads(WIDE, poses(given), m, f))
         row = run.row(
             f"force, {along} elements",
             "0.5 rad",
@@ -99,7 +97,7 @@ def _free_edges(
     import plate_theory
     from plate_fem import Mesh, clamped_loads
 
-    run = report.run(WITNESS, f"{given.name}, {label}, free edges; project with EI")
+    run = report.run(CODE, f"{given.name}, {label}, free edges; project with EI")
     beam = run.timed("project", lambda: simulated(sheet, given, weight=False))
     low = theory(sheet, given, weight=False)
     high = theory(plate(sheet), given, weight=False)
@@ -107,7 +105,7 @@ def _free_edges(
         "theory", lambda: plate_theory.clamped_loads(sheet, poses(given))
     )
     mesh = Mesh(along=20, across=across, clamp_grading=20.0)
-    found = run.timed("witness", lambda: clamped_loads(sheet, poses(given), mesh, folder))
+    found = run.timed("other", lambda: clamped_loads(sheet, poses(given), mesh, folder))
     for i, alpha in enumerate(given.alphas.tolist()):
         where = f"{alpha:g} rad"
         force = run.row(

@@ -1,4 +1,4 @@
-"""Write docs/witnesses.md from the rows that ``pytest -m witness`` left."""
+"""Write docs/cross-checks.md from the rows that ``pytest -m cross_check`` left."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from witness_rows import ROOT, ROWS_FILE
+from cross_check_rows import ROOT, ROWS_FILE
 
-PAGE = ROOT / "docs" / "witnesses.md"
+PAGE = ROOT / "docs" / "cross-checks.md"
 
 HEAD = (
     "| quantity | points | this project | theory | cross-check | unit "
@@ -34,7 +34,7 @@ def percent(value: float | None) -> str:
 
 
 def size(row: dict[str, Any]) -> float:
-    """Return by how much a row's witness differs from whatever it is compared with."""
+    """Return by how much a row's cross-check differs from whatever it is compared with."""
     return max(
         (abs(row[k]) for k in ("difference", "from_theory") if row[k] is not None), default=0
     )
@@ -75,10 +75,10 @@ def short(run: dict[str, Any]) -> Iterator[str]:
 def heading(run: dict[str, Any], *, times: bool) -> str:
     """Return the row that begins a run, with the time that each took."""
     took = run["seconds"]
-    names = {"project": "project", "theory": "theory", "witness": "cross-check"}
+    names = {"project": "project", "theory": "theory", "other": "cross-check"}
     parts = [f"{shown} {_rounded(took[who])} s" for who, shown in names.items() if who in took]
     told = f" ({', '.join(parts)})" if times and parts else ""
-    return f"| **{run['witness']}: {run['name']}**{told} |" + " |" * 7
+    return f"| **{run['code']}: {run['name']}**{told} |" + " |" * 7
 
 
 def _rounded(value: float) -> str:
@@ -110,7 +110,7 @@ def page(content: dict[str, Any]) -> Iterator[str]:
 def main() -> int:
     """Replace what stands between the marks of the page."""
     if not ROWS_FILE.exists():
-        print(f"{ROWS_FILE} is not there: run pytest -m witness first", file=sys.stderr)
+        print(f"{ROWS_FILE} is not there: run pytest -m cross_check first", file=sys.stderr)
         return 1
     content = json.loads(ROWS_FILE.read_text(encoding="utf-8"))
     begin, end = "<!-- table -->\n", "<!-- end -->"

@@ -7,8 +7,8 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from cross_check_rows import Report
 from numpy.typing import NDArray
-from witness_rows import Report
 
 from dualbend.arm import mjcf as arm
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
@@ -16,7 +16,7 @@ from dualbend.validation import dh
 
 Vector = NDArray[np.float64]
 
-WITNESS = "Robotics Toolbox"
+CODE = "Robotics Toolbox"
 CONFIGURATIONS = 40
 TOLERANCE = 1e-6
 """Asked for."""
@@ -116,18 +116,18 @@ def _far(found: Vector, wanted: Vector) -> tuple[int, ...]:
 
 def test_the_arm_fed_with_the_same_parameters(fed: Any, report: Report) -> None:
     angles, rates = _states()
-    run = report.run(WITNESS, f"fed with the same parameters, {CONFIGURATIONS} random poses")
+    run = report.run(CODE, f"fed with the same parameters, {CONFIGURATIONS} random poses")
     project = run.timed("project", lambda: _mujoco(angles, rates))
     theory = run.timed("theory", lambda: _theory(angles, rates))
-    witness = run.timed("witness", lambda: _toolbox(fed, angles, rates))
+    other = run.timed("other", lambda: _toolbox(fed, angles, rates))
     for name, (label, unit) in NAMES.items():
-        at = _far(witness[name], project[name])
+        at = _far(other[name], project[name])
         scale = float(np.abs(theory[name]).max())
         row = run.row(
             f"{label}, over the largest",
             "where they differ most",
             unit,
-            found=witness[name][at],
+            found=other[name][at],
             project=project[name][at],
             theory=theory[name][at],
             scale=scale,
@@ -135,7 +135,7 @@ def test_the_arm_fed_with_the_same_parameters(fed: Any, report: Report) -> None:
         )
         # Asked for: 1e-6. Analytic, three recursions of one table: rounding only.
         assert row.within(1e-9)
-        np.testing.assert_allclose(witness[name], theory[name], rtol=0.0, atol=1e-9 * scale)
+        np.testing.assert_allclose(other[name], theory[name], rtol=0.0, atol=1e-9 * scale)
 
 
 def test_the_toolbox_own_table_but_for_stated_differences(
@@ -152,7 +152,7 @@ def test_the_toolbox_own_table_but_for_stated_differences(
     wrist[:, :, 3] += dh.FLANGE_OFFSET_M * wrist[:, :, 2] - floor
     # Analytic.
     np.testing.assert_allclose(wrist, project["pose"], atol=1e-9)
-    run = report.run(WITNESS, "the toolbox's own table, differences stated")
+    run = report.run(CODE, "the toolbox's own table, differences stated")
     gravity = np.array([own.gravload(q) for q in angles])
     scale = float(np.abs(theory["gravity"]).max())
     at = _far(gravity, project["gravity"])

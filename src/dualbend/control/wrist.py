@@ -1,0 +1,46 @@
+"""The wrist sensors of two arms, of which one may have none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dualbend.control.force_torque import WrenchChain, WrenchReading
+from dualbend.types import Vector, Wrench
+
+
+def arm_slice(arms: Sequence[int]) -> slice:
+    """Return none, one or both of two arms as a slice of an axis of arms."""
+    return slice(min(arms), max(arms) + 1) if arms else slice(0)
+
+
+class WristSensors:
+    """The wrench chain of the arms that carry a sensor.
+
+    Parameters
+    ----------
+    chain
+        Of the leading shape (..., number of these arms): they are its last axis.
+    arms
+        Their indices.
+    """
+
+    def __init__(self, chain: WrenchChain, arms: Sequence[int]) -> None:
+        self.chain, self.arms = chain, tuple(arms)
+        self._part = arm_slice(arms)
+
+    def read(self, wrench: Vector, rotation: Vector) -> WrenchReading:
+        """Measure the true wrenches (..., 2, 6) at the sensors, in S; their axes (..., 2, 3, 3).
+
+        What is told at the grips is of both arms (2, ..., 2, 6), NaN of one without a sensor; the
+        rest is of the arms with a sensor only.
+        """
+        arms = self._part
+        reading = self.chain.update(wrench[..., arms, :], rotation[..., arms, :, :])
+        both = np.empty((2, *wrench.shape))
+        both.fill(np.nan)
+        both[..., arms, :] = reading.grips.components
+        return WrenchReading(
+            sensor=reading.sensor, grips=Wrench(both, "grip", "grip"), clipped=reading.clipped
+        )

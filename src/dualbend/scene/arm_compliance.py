@@ -1,0 +1,66 @@
+"""One arm at a pose: the compliance of its joints and its grasp, and the inertia of its tool."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dualbend.arm.mjcf import GRIP_SITE
+from dualbend.arm.pair import ArmPair
+from dualbend.mechanics.compliance import endpoint_compliance, grasp_compliance
+from dualbend.mechanics.jacobian import PLANE, site_jacobian
+from dualbend.mechanics.tool import tool_inertia
+from dualbend.scene.cell import GraspConfig, robots_only
+from dualbend.scene.ik import InverseKinematics, grip_targets
+from dualbend.types import SIDES, Vector
+
+
+class ArmCompliance:
+    """The left arm at one pose after another; the right one is its image by a turn about z.
+
+    ``grasp`` (3, 3) is the compliance of its grasp in x, z, α [m/N, rad/(N m)].
+
+    Parameters
+    ----------
+    arms
+        Both arms; they stand alike.
+    stiffness : (n,)
+        Of the servos of all joints [N m/rad].
+    grasp
+        The pads.
+    """
+
+    def __init__(self, arms: ArmPair, stiffness: ArrayLike, grasp: GraspConfig) -> None:
+        self._model = robots_only(arms).compile()
+        self._data = mujoco.MjData(self._model)
+        self._ik = InverseKinematics(self._model, arms.home)
+        self._q = self._home = arms.home
+        self._left = arms.joints("left")
+        self._stiffness = np.asarray(stiffness, dtype=np.float64)[self._left]
+        self._site = self._model.site(f"{SIDES[0]}_{GRIP_SITE}").id
+        self.grasp = grasp_compliance(
+            grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad
+        )
+
+    def move(self, pose: Vector) -> None:
+        """Go to x, z [m] and α [rad] of the grip; InputError where that is out of reach."""
+        targets = grip_targets(np.array([pose, pose]))
+        solution = self._ik.solve(targets, self._q)
+        if not solution.reached:
+            solution = self._ik.solve_from_home(targets, self._home)
+        self._pose, self._q = pose, solution.q
+        self._data.qpos[:] = self._q
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        self._jacobian = site_jacobian(self._model, self._data, self._site)[:, self._left]
+
+    @property
+    def compliance(self) -> Vector:
+        """Compliance of the joints at the grip (3, 3) in x, z, α [m/N, rad/(N m)]."""
+        return endpoint_compliance(self._jacobian[PLANE, :], self._stiffness)
+
+    @property
+    def tool_inertia(self) -> Vector:
+        """Inertia (3, 3) in x, z, α of what hangs beyond the sensor, at the grip."""
+        return tool_inertia(self._model, self._data, self._site)
