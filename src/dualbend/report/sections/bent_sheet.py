@@ -109,10 +109,10 @@ def shape_section(run: RunRecord) -> Section:
         return Section(title, [_NOT_BENT])
     curves = []
     for shape, colour in zip(found, COLOURS, strict=False):
-        x, z = 1e3 * shape.elastica_x_m, 1e3 * shape.elastica_z_m
+        (x, z), (in_theory_x, in_theory_z) = 1e3 * shape.points_m, 1e3 * shape.elastica_m
         curves += [
-            Curve("", x, z, colour="grey", width=6.0, opacity=0.4),
-            Curve(f"{shape.alpha_rad:.2f} rad", 1e3 * shape.x_m, 1e3 * shape.z_m, colour),
+            Curve("", in_theory_x, in_theory_z, colour="grey", width=6.0, opacity=0.4),
+            Curve(f"{shape.alpha_rad:.2f} rad", x, z, colour),
         ]
     simulated = _SIMULATED[run.scenario.sheet.model.kind]
     caption = (
