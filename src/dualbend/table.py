@@ -102,6 +102,18 @@ def shown(value: object, spec: str = ".4g", missing: str = "-") -> str:
     return format(value, spec)
 
 
+def relative_change(old: object, new: object) -> float | None:
+    """Return (new − old) / |old|; None where the old value is 0 or one is no number."""
+    if isinstance(old, float) and isinstance(new, float) and old:
+        return (new - old) / abs(old)
+    return None
+
+
+def percent(change: float | None) -> str:
+    """Return a relative change in percent with its sign, "" where there is none."""
+    return "" if change is None else f"{100 * change:+.3g} %"
+
+
 def escaped(cell: str) -> str:
     """Return text with what would break a row of a Markdown table escaped; code in backticks."""
     plain = cell.replace("|", "\\|").replace("\n", " ").replace("<", "&lt;")

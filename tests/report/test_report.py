@@ -146,7 +146,7 @@ def test_settings_tell_what_differs_from_the_defaults() -> None:
         "1",
     )
     assert not found["sensor.latency_ms"].changed
-    assert found["sheet.length_m"].default == "required"
+    assert found["sheet.length_m"].default is None  # it is required
     # Units that another key chooses.
     assert found["compliance.x.k"].unit == "N/mm"
     assert found["compliance.rotation.b"].unit == "N m s/deg"
@@ -224,8 +224,8 @@ def test_matplotlib_draws_what_the_page_shows(top: Path, name: str) -> None:
         assert len(axes.patches) == len(shown.bars) + len(shown.bands) + len(shown.areas)
         assert axes.get_xlabel() == f"{shown.x.label} [{shown.x.unit}]"
         assert (axes.get_xscale(), axes.get_title("left")) == (shown.x.scale, shown.title)
-        if shown.ranges.x is not None:
-            assert axes.get_xlim() == (shown.ranges.x.low, shown.ranges.x.high)
+        if shown.x.range is not None:
+            assert axes.get_xlim() == (shown.x.range.low, shown.x.range.high)
 
 
 def test_runs_beside_each_other_have_one_scale(top: Path) -> None:

@@ -24,8 +24,7 @@ from dualbend.study.processes import in_processes
 from dualbend.study.sweep.design import make_design
 from dualbend.study.sweep.file import load_sweep
 from dualbend.study.sweep.report import write_report
-from dualbend.study.sweep.row import RunRow, run_row
-from dualbend.study.sweep.run import run_sweep
+from dualbend.study.sweep.run import RunRow, run_row, run_sweep
 from dualbend.study.sweep.table import TABLE
 
 distributed = pytest.importorskip("distributed")

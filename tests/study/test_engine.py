@@ -26,7 +26,6 @@ def study(run: Callable[[int], Row], runs: int = 6, *, rows_of_lost: bool = True
         task=lambda index: (index,),
         run_one=run,
         key=lambda row: row.index,
-        summarise=list,
         lost=Row if rows_of_lost else None,
     )
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
+from dualbend.scenario.scenario import Scenario
 from dualbend.study.folder import RUNS
 from dualbend.study.onset import bisection as module
 from dualbend.study.onset.bisection import bracketed, onset_study
@@ -171,7 +172,7 @@ def a_case(key: str, ratio: float) -> Case:
         sampled_hz=2.4,
         same_gains_hz=2.6,
         simulated=simulated,
-        frictionless=None,
+        frictionless=simulated,
     )
 
 
@@ -181,11 +182,11 @@ def test_what_is_found_is_kept_and_not_done_again(
 ) -> None:
     done = []
 
-    def work(task: module._Task) -> Case:
-        done.append(task.ratio_per_s)
-        if task.ratio_per_s == 80.0 and len(done) == 2:
+    def work(key: str, _: Scenario, axis: str, alpha_rad: float, ratio_per_s: float) -> Case:
+        done.append(ratio_per_s)
+        if ratio_per_s == 80.0 and len(done) == 2:
             raise KeyboardInterrupt
-        return a_case(task.key, task.ratio_per_s)
+        return a_case(key, ratio_per_s)
 
     monkeypatch.setattr(module, "work", work)
     given = {"rays": (5.0, 80.0), "angles": (0.5,), "axes": ("x",), "workers": 1}

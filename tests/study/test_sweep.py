@@ -16,8 +16,7 @@ from dualbend.study.processes import in_processes
 from dualbend.study.sweep.design import make_design
 from dualbend.study.sweep.file import SCENARIO, load_sweep
 from dualbend.study.sweep.report import write_report
-from dualbend.study.sweep.row import RunRow, run_row
-from dualbend.study.sweep.run import RunOne, run_sweep
+from dualbend.study.sweep.run import RunOne, RunRow, run_row, run_sweep
 from dualbend.study.sweep.table import TABLE
 from support.stand_in import a_sweeps_run, never
 
@@ -92,8 +91,8 @@ def test_the_folder_of_another_sweep_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "s"
     go(folder, a_sweeps_run)
     for change, what in (
-        (("0.4", "0.39"), "holds a sweep of another sweep; give another folder"),
-        (('"fig8"', '"tuned"'), "holds a sweep of another scenario; give another folder"),
+        (("0.4", "0.39"), "holds a study of another sweep; give another folder"),
+        (('"fig8"', '"tuned"'), "holds a study of another scenario; give another folder"),
         (("[sample]", "[set]\nseed = 4\n[sample]"), "another sweep"),
     ):
         with pytest.raises(InputError, match=what):

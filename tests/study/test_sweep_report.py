@@ -17,7 +17,7 @@ from dualbend.study.sweep.design import Design, make_design
 from dualbend.study.sweep.file import Sweep, load_sweep
 from dualbend.study.sweep.progress import Progress, duration
 from dualbend.study.sweep.report import SENSITIVITY, report_lines, write_report
-from dualbend.study.sweep.row import RunRow
+from dualbend.study.sweep.run import RunRow
 from dualbend.study.sweep.sensitivity import sensitivities
 from dualbend.study.sweep.table import TABLE, make_table, numbers, shown_metrics, unit_of
 from support.stand_in import a_sweeps_run
@@ -146,8 +146,8 @@ def test_the_indices_are_scipy_s_of_the_same_seed(tmp_path: Path) -> None:
         dists=[uniform(loc=-np.pi, scale=2.0 * np.pi)] * 3,
         rng=np.random.default_rng(7),
     )
-    assert found.first == pytest.approx(np.ravel(theirs.first_order), rel=1e-9)
-    assert found.total == pytest.approx(np.ravel(theirs.total_order), rel=1e-9)
+    assert found.indices[0] == pytest.approx(np.ravel(theirs.first_order), rel=1e-9)
+    assert found.indices[1] == pytest.approx(np.ravel(theirs.total_order), rel=1e-9)
     assert constant.why == "it does not vary"
 
 
@@ -156,8 +156,8 @@ def test_the_indices_and_their_intervals_are_ishigami_s(tmp_path: Path) -> None:
     sweep, design, rows = ishigami_sweep(tmp_path, 1024)
     found = sensitivities(sweep, design, make_table(sweep, design, rows), ["y"])[0]
     for value, interval, exact in (
-        (found.first, found.first_interval, [0.3139, 0.4424, 0.0]),
-        (found.total, found.total_interval, [0.5576, 0.4424, 0.2437]),
+        (found.indices[0], found.ends[:, 0], [0.3139, 0.4424, 0.0]),
+        (found.indices[1], found.ends[:, 1], [0.5576, 0.4424, 0.2437]),
     ):
         assert value == pytest.approx(exact, abs=0.03)
         assert (interval[0] - 1e-3 <= exact).all()
@@ -180,7 +180,7 @@ def test_the_report_says_the_indices_and_draws_them(tmp_path: Path) -> None:
     sweep, design, rows = ishigami_sweep(tmp_path, 16)
     report = write_report(sweep, design, rows, tmp_path)
     lines = report_lines(sweep, design, rows, report)
-    first = report.sensitivities[0].first
+    first = report.sensitivities[0].indices[0]
     assert any(ISHIGAMI_KEYS[1] in line and f"{first[1]:.3f}" in line for line in lines)
     assert report.files == [tmp_path / SENSITIVITY]
     assert report.files[0].read_bytes()[:4] == b"\x89PNG"

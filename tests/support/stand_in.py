@@ -15,7 +15,7 @@ from dualbend.run.record import Metric
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.robustness.trial import Trial, trial
-from dualbend.study.sweep.row import RunRow
+from dualbend.study.sweep.run import RunRow
 from dualbend.task.assembly.draws import draw, misalignment, without_compliance
 
 PWB = load_scenario("pwb")

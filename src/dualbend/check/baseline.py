@@ -22,9 +22,6 @@ DEFAULT_FILE = Path("baseline.json")
 
 EndedAs = Literal["completed", "aborted", "protective_stop", "failed", "refused", "crashed"]
 
-REFUSED: Literal["refused"] = "refused"
-"""Outcome of a scenario that cannot be made ready to run, e.g. by the assembly's planner."""
-
 CRASHED: Literal["crashed"] = "crashed"
 """Outcome of a scenario on which the program itself failed; no baseline holds it."""
 
@@ -67,10 +64,7 @@ class Baseline(Config):
 def find_baseline(file: Path | None, *, update: bool) -> Path:
     """Return the baseline's file: the given one, else ``baseline.json`` here.
 
-    Raises
-    ------
-    InputError
-        It does not exist and is not about to be written.
+    Raises InputError where it does not exist and is not about to be written.
     """
     path = DEFAULT_FILE if file is None else file
     if update or path.is_file():
@@ -82,13 +76,7 @@ def find_baseline(file: Path | None, *, update: bool) -> Path:
 
 
 def read_baseline(path: Path) -> Baseline:
-    """Read a baseline.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or is no baseline; the message says where.
-    """
+    """Read a baseline; InputError, which says where, if it cannot be read or is none."""
     with refusing(f"{path}: no baseline", OSError, UnicodeDecodeError, msgspec.MsgspecError):
         return msgspec.json.decode(path.read_bytes(), type=Baseline)
 
@@ -96,10 +84,7 @@ def read_baseline(path: Path) -> Baseline:
 def write_baseline(baseline: Baseline, path: Path) -> None:
     """Write a baseline, keys sorted; the old file stays whole until the new one is.
 
-    Raises
-    ------
-    InputError
-        ``path`` cannot be written.
+    Raises InputError where ``path`` cannot be written.
     """
     text = _text(msgspec.to_builtins(baseline))
     part = path.with_name(f"{path.name}.part")

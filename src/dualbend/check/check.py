@@ -10,16 +10,16 @@ from dualbend.check.baseline import (
     Baseline,
     Entry,
     Gate,
-    Value,
     find_baseline,
     read_baseline,
     relative_source,
+    resolve_source,
     rounded,
     sources,
     write_baseline,
 )
 from dualbend.check.measure import Measured, measure_all
-from dualbend.check.tolerances import Tolerance, default_tolerance
+from dualbend.check.tolerances import default_tolerance
 from dualbend.check.verdict import Verdicts, compare
 from dualbend.errors import InputError
 from dualbend.scenario.load import list_scenarios
@@ -36,12 +36,8 @@ def check(
     """Run scenarios and compare them with the baseline, and rewrite it with ``update``.
 
     ``asked``: names or files; none are all that the baseline holds, all shipped ones where an
-    update has none yet. ``file``: the baseline, ./baseline.json if None.
-
-    Raises
-    ------
-    InputError
-        There is no baseline, a scenario is not in it (and no ``update``) or cannot be read.
+    update has none yet. ``file``: the baseline, ./baseline.json if None. Raises InputError where
+    there is no baseline, or a scenario is not in it (and no ``update``) or cannot be read.
     """
     path = find_baseline(file, update=update)
     baseline = read_baseline(path) if path.is_file() else Baseline()
@@ -68,9 +64,10 @@ def check(
 def _longest_first(wanted: Sequence[str], baseline: Baseline, path: Path) -> list[str]:
     """Return the sources so that the longest runs begin first: the workers end together."""
     times = {}
-    for source, entry in zip(sources((), baseline, path), baseline.scenarios.values(), strict=True):
+    for entry in baseline.scenarios.values():
         gate = entry.metrics.get("simulated_time")
-        times[source] = gate.value if gate is not None and isinstance(gate.value, float) else 0.0
+        time = gate.value if gate and isinstance(gate.value, float) else 0.0
+        times[resolve_source(entry.source, path)] = time
     return sorted(wanted, key=lambda source: -times.get(source, float("inf")))
 
 
@@ -86,8 +83,11 @@ def _entry(old: Entry | None, one: Measured, path: Path) -> Entry:
     gates = {} if old is None else old.metrics
     metrics = {}
     for name, metric in one.metrics.items():
-        value = rounded(metric.value)
-        tolerance = _tolerance(gates.get(name), name, value, one.task)
+        value, gate = rounded(metric.value), gates.get(name)
+        tolerance = default_tolerance(name, value, one.task)
+        # What was edited stays; a default is of a value that is no more.
+        if gate and gate.tolerance != default_tolerance(name, gate.value, one.task):
+            tolerance = gate.tolerance
         metrics[name] = Gate(value=value, unit=metric.unit, tolerance=tolerance)
     return Entry(
         source=relative_source(one.source, path),
@@ -97,10 +97,3 @@ def _entry(old: Entry | None, one: Measured, path: Path) -> Entry:
         versions=one.versions,
         metrics=metrics,
     )
-
-
-def _tolerance(gate: Gate | None, name: str, value: Value, task: str) -> Tolerance:
-    """Return the tolerance of the file, unless it is the default for a value that is no more."""
-    if gate is not None and gate.tolerance != default_tolerance(name, gate.value, task):
-        return gate.tolerance
-    return default_tolerance(name, value, task)

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from dualbend.check.baseline import CRASHED, REFUSED, EndedAs
+from dualbend.check.baseline import CRASHED, EndedAs
 from dualbend.errors import InputError
 from dualbend.evaluation.fingerprint import model_fingerprint
 from dualbend.evaluation.metrics import versions
@@ -17,7 +17,7 @@ from dualbend.run.make import make_run
 from dualbend.run.record import Metric, task_of
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
-from dualbend.study.ending import metrics_of, outcome_of, result_of
+from dualbend.study.ending import REFUSED, metrics_of, outcome_of, result_of
 from dualbend.study.engine import Study
 from dualbend.study.processes import in_processes
 
@@ -46,12 +46,8 @@ class Measured(msgspec.Struct, frozen=True, kw_only=True):
 def measure(source: str) -> Measured:
     """Run a scenario here and return what a baseline compares.
 
-    Raises
-    ------
-    InputError
-        The scenario cannot be read. One that can be and is refused is an outcome.
-    KeyboardInterrupt
-        The user ended it; half a run is no measurement.
+    Raises InputError where the scenario cannot be read (one that can be and is refused is an
+    outcome); KeyboardInterrupt where the user ended it: half a run is no measurement.
     """
     scenario = load_scenario(source)
     what: dict[str, Any] = {
@@ -91,20 +87,15 @@ def measure_all(
 ) -> list[Measured]:
     """Measure scenarios in parallel, in the order given; the results depend on no ``workers``.
 
-    Put the longest first: a worker takes the next one when it is free.
-
-    Raises
-    ------
-    InputError
-        A scenario cannot be read, two have one name, or a process died.
+    Put the longest first: a worker takes the next one when it is free. Raises InputError where a
+    scenario cannot be read, or two have one name; WorkerDiedError where a process died.
     """
-    refuse_doubles(sources)
+    _refuse_doubles(sources)
     study = Study(
         design=sources,
         task=lambda source: (source,),
         run_one=measure,
         key=lambda measured: measured.source,
-        summarise=list,
     )
 
     def tell(_: int, __: int, measured: Measured | None) -> None:
@@ -114,8 +105,7 @@ def measure_all(
     return study.run(in_processes(workers), on_run=tell)
 
 
-def refuse_doubles(sources: Sequence[str]) -> None:
-    """Refuse two scenarios of one name: a baseline tells them apart by it."""
+def _refuse_doubles(sources: Sequence[str]) -> None:
     found: dict[str, str] = {}
     for source in sources:
         name = load_scenario(source).name

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from dualbend.check.verdict import Finding, Verdicts
 from dualbend.errors import writing
-from dualbend.table import Column, Table, escaped, shown
+from dualbend.table import Column, Table, escaped, percent, shown
 
 _HEADINGS = ("scenario", "metric", "old", "new", "unit", "change", "allowed", "verdict")
 
@@ -35,7 +35,7 @@ def sentence(finding: Finding) -> str:
     unit = f" {finding.unit}" if finding.unit not in {"", "1"} else ""
     parts = [f"{finding.scenario}: {finding.metric} {finding.verdict}: {old} → {new}{unit}"]
     if finding.change is not None:
-        parts.append(f" ({_change(finding)}, allowed {finding.allowed})")
+        parts.append(f" ({percent(finding.change)}, allowed {finding.allowed})")
     elif finding.allowed:
         parts.append(f" (allowed {finding.allowed})")
     parts.append(f" {finding.place}" if finding.place else "")
@@ -58,7 +58,7 @@ def note_lines(verdicts: Verdicts) -> list[str]:
 
 def conclusion(verdicts: Verdicts, *, updated: bool = False) -> str:
     """Return the last line: how many values of how many scenarios are not the baseline's."""
-    gated = [f for f in verdicts.findings if f.verdict not in {"new", "not gated"}]
+    gated = sum(not f.skipped for f in verdicts.findings)
     failed, new = verdicts.failures, sum(f.verdict == "new" for f in verdicts.findings)
     scenarios = f"{len(verdicts.notes)} scenario{'' if len(verdicts.notes) == 1 else 's'}"
     if updated:
@@ -66,7 +66,7 @@ def conclusion(verdicts: Verdicts, *, updated: bool = False) -> str:
             f"baseline written, {scenarios}: {len(failed)} values moved beyond their tolerance, "
             f"{new} are new"
         )
-    text = f"{len(gated) - len(failed)} of {len(gated)} values of {scenarios} are the baseline's"
+    text = f"{gated - len(failed)} of {gated} values of {scenarios} are the baseline's"
     if new:
         text += f"; {new} are new: --update takes them in"
     if failed:
@@ -77,10 +77,7 @@ def conclusion(verdicts: Verdicts, *, updated: bool = False) -> str:
 def write_markdown(verdicts: Verdicts, path: Path) -> None:
     """Write a table of failures, then all values folded away, as a pull request shows it.
 
-    Raises
-    ------
-    InputError
-        ``path`` cannot be written.
+    Raises InputError where ``path`` cannot be written.
     """
     failed = bool(verdicts.failures)
     lines = [f"## dualbend check: {'failed' if failed else 'passed'}", "", conclusion(verdicts), ""]
@@ -90,25 +87,26 @@ def write_markdown(verdicts: Verdicts, path: Path) -> None:
     lines += [*(f"* {escaped(line)}" for line in note_lines(verdicts)), ""]
     lines += ["<details><summary>All values</summary>", "", _table(verdicts.findings).markdown()]
     lines += ["", "</details>", ""]
-    _write(path, "--markdown", "\n".join(lines))
+    with writing(path, "--markdown"):
+        path.write_text("\n".join(lines), encoding="utf-8")
 
 
 def write_junit(verdicts: Verdicts, path: Path) -> None:
     """Write JUnit XML: a suite a scenario, a case a value.
 
-    Raises
-    ------
-    InputError
-        ``path`` cannot be written.
+    Raises InputError where ``path`` cannot be written.
     """
     root = ElementTree.Element("testsuites", name="dualbend check")
     for scenario, group in groupby(verdicts.findings, key=lambda finding: finding.scenario):
         found = list(group)
-        suite = ElementTree.SubElement(root, "testsuite", name=scenario)
-        suite.set("tests", str(len(found)))
-        suite.set("failures", str(sum(finding.failed for finding in found)))
-        suite.set("errors", "0")
-        suite.set("skipped", str(sum(_skipped(finding) for finding in found)))
+        counts = {
+            "tests": len(found),
+            "failures": sum(finding.failed for finding in found),
+            "errors": 0,
+            "skipped": sum(finding.skipped for finding in found),
+        }
+        texts = {name: str(count) for name, count in counts.items()}
+        suite = ElementTree.SubElement(root, "testsuite", {"name": scenario, **texts})
         for finding in found:
             _case(suite, finding)
         notes = verdicts.notes[scenario]
@@ -118,7 +116,8 @@ def write_junit(verdicts: Verdicts, path: Path) -> None:
         root.set(key, str(sum(int(suite.get(key, "0")) for suite in root)))
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode", xml_declaration=False)
-    _write(path, "--junit", f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n')
+    with writing(path, "--junit"):
+        path.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n', encoding="utf-8")
 
 
 def _case(suite: ElementTree.Element, finding: Finding) -> None:
@@ -128,12 +127,8 @@ def _case(suite: ElementTree.Element, finding: Finding) -> None:
         words = sentence(finding)
         failure = ElementTree.SubElement(case, "failure", type=finding.verdict, message=words)
         failure.text = f"{words}\nallowed {finding.allowed}: {finding.reason}"
-    elif _skipped(finding):
+    elif finding.skipped:
         ElementTree.SubElement(case, "skipped", message=finding.verdict)
-
-
-def _skipped(finding: Finding) -> bool:
-    return finding.verdict in {"new", "not gated"}
 
 
 def _cells(finding: Finding) -> tuple[float | str | None, ...]:
@@ -143,16 +138,7 @@ def _cells(finding: Finding) -> tuple[float | str | None, ...]:
         finding.old,
         finding.new,
         finding.unit,
-        _change(finding),
+        percent(finding.change),
         finding.allowed,
         finding.verdict if not finding.failed else finding.verdict.upper(),
     )
-
-
-def _change(finding: Finding) -> str:
-    return "" if finding.change is None else f"{100 * finding.change:+.3g} %"
-
-
-def _write(path: Path, option: str, text: str) -> None:
-    with writing(path, option):
-        path.write_text(text, encoding="utf-8")

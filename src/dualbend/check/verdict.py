@@ -16,6 +16,7 @@ from dualbend.check.measure import Measured
 from dualbend.check.tolerances import Better, better_where
 from dualbend.evaluation.peaks import Place
 from dualbend.run.record import Metric
+from dualbend.table import relative_change
 
 ENGINE = "mujoco"
 """The package whose version is the physics engine's."""
@@ -50,11 +51,14 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
         return self.verdict in {"worse", "better", "changed"}
 
     @property
+    def skipped(self) -> bool:
+        """The value is gated by nothing."""
+        return self.verdict in {"new", "not gated"}
+
+    @property
     def change(self) -> float | None:
         """The relative change; None where the old value is 0 or one is no number."""
-        if isinstance(self.old, float) and isinstance(self.new, float) and self.old:
-            return (self.new - self.old) / abs(self.old)
-        return None
+        return relative_change(self.old, self.new)
 
 
 class Verdicts(msgspec.Struct, frozen=True, kw_only=True):

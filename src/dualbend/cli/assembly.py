@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import click
@@ -76,7 +75,6 @@ def robustness(
 
     loaded = load(scenario, settings)
     folder = out if out is not None else Path("runs") / f"{loaded.name}-robustness"
-    processes = workers if workers is not None else os.cpu_count() or 1
     done = 0
     try:
         with progress_bar(0, loaded.name) as bar:
@@ -87,7 +85,7 @@ def robustness(
                 bar.update(count - done)
                 done = count
 
-            trials = run_study(loaded, folder, runs=runs, seed=seed, workers=processes, on_run=show)
+            trials = run_study(loaded, folder, runs=runs, seed=seed, workers=workers, on_run=show)
     except KeyboardInterrupt:
         exit_interrupted(done, bar.length, folder)
     numbers = summarise(loaded, seed, trials, folder)

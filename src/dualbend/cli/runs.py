@@ -288,10 +288,8 @@ def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
 
     Both use the same model and run alternately in one process.
     """
-    from msgspec.structs import asdict
-
     from dualbend.study.benchmark import benchmark as measure
 
-    for name, value in asdict(measure(load(scenario, settings), repeat)).items():
+    for name, value in measure(load(scenario, settings), repeat).items():
         spec = ">10.4g" if isinstance(value, float) else ">10"
         click.echo(f"{name:<24}{value:{spec}}")

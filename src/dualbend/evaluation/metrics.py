@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import platform
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 
 import msgspec
 import numpy as np
@@ -115,6 +117,29 @@ def _growth(times_s: NDArray[np.floating], heights: NDArray[np.floating]) -> flo
         return 0.0
     run = slice(first, last + 1)
     return float(np.polyfit(times_s[run], np.log(heights[run]), 1)[0])
+
+
+def side_by_side(
+    runs: Sequence[Mapping[str, Metric]],
+) -> dict[tuple[str, str], tuple[float | None, ...]]:
+    """Return the metrics of several runs by name and unit: a value of each run, None without one.
+
+    A metric of several values is ``name[0]``, ``name[1]`` …, and beside each other.
+    """
+    found = {}
+    for name in dict.fromkeys(name for metrics in runs for name in metrics):
+        own = [metrics.get(name) for metrics in runs]
+        several = any(isinstance(metric.value, list) for metric in own if metric)
+        for unit in dict.fromkeys(metric.unit for metric in own if metric):
+            values = (listed(metric) if metric and metric.unit == unit else () for metric in own)
+            for i, of_runs in enumerate(zip_longest(*values)):
+                found[f"{name}[{i}]" if several else name, unit] = of_runs
+    return found
+
+
+def listed(metric: Metric) -> Sequence[float | None]:
+    """Return the values of a metric, also where it has only one."""
+    return metric.value if isinstance(metric.value, list) else (metric.value,)
 
 
 def versions() -> dict[str, str]:

@@ -41,19 +41,15 @@ def plots_data(plots: Mapping[str, Plot]) -> dict[str, Any]:
 
 def _plain(plot: Plot, ranges: dict[Range, int]) -> dict[str, Any]:
     axes = {
-        name: {
-            **vars(axis),
-            "range": None if shown is None else ranges.setdefault(shown, len(ranges)),
-        }
-        for name, axis, shown in (("x", plot.x, plot.ranges.x), ("y", plot.y, plot.ranges.y))
+        name: {**vars(axis), "range": axis.range and ranges.setdefault(axis.range, len(ranges))}
+        for name, axis in (("x", plot.x), ("y", plot.y))
     }
     curves = [
         {**_coloured(curve), "x": _packed(curve.x), "y": _packed(curve.y)} for curve in plot.curves
     ]
     areas = [[[_packed(x), _packed(y)] for x, y in rings] for rings in plot.areas]
     bars = [_coloured(bar) for bar in plot.bars]
-    plain = {k: v for k, v in vars(plot).items() if k != "ranges"}
-    return {**plain, **axes, "curves": curves, "areas": areas, "bars": bars}
+    return {**vars(plot), **axes, "curves": curves, "areas": areas, "bars": bars}
 
 
 def _coloured(item: Curve | Bar) -> dict[str, Any]:
@@ -68,10 +64,7 @@ def _packed(values: Vector) -> str:
 def library() -> str:
     """Return Bokeh's own scripts, from its installed package: they ask nothing of any host.
 
-    Raises
-    ------
-    DualbendError
-        Bokeh is not installed as it should be.
+    Raises DualbendError where Bokeh is not installed as it should be.
     """
     # Found, not imported: its Python side is not needed, and takes a second.
     spec = importlib.util.find_spec("bokeh")

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 
 from dualbend.errors import writing
-from dualbend.run.record import Metric, RunRecord
-from dualbend.table import Column, Columns, Table
-
-_NONE = "-"
-_OWN_CONTROLLER = "the scenario's own"
-_NO_SETTINGS = frozenset({"description"})
+from dualbend.evaluation.metrics import side_by_side
+from dualbend.run.record import RunRecord
+from dualbend.table import Column, Columns, Table, percent, relative_change
 
 
 class Compared(msgspec.Struct, frozen=True, kw_only=True):
@@ -27,17 +24,11 @@ class Compared(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def change(self) -> float | None:
         """(b − a) / |a|; None where a is 0 or one is none."""
-        if self.a is None or self.b is None or self.a == 0.0:
-            return None
-        return (self.b - self.a) / abs(self.a)
+        return relative_change(self.a, self.b)
 
 
-class Differing(msgspec.Struct, frozen=True, kw_only=True):
-    """A setting or version, as text, that the runs do not have in common."""
-
-    name: str
-    a: str
-    b: str
+Differing = dict[str, tuple[str, str]]
+"""Settings or versions, as texts, that the runs do not have in common."""
 
 
 class Comparison(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,8 +37,8 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     labels: tuple[str, str]
     outcomes: tuple[str, str]
     metrics: list[Compared]
-    settings: list[Differing]
-    versions: list[Differing]
+    settings: Differing
+    versions: Differing
 
 
 def compare_runs(a: RunRecord, b: RunRecord) -> Comparison:
@@ -55,25 +46,23 @@ def compare_runs(a: RunRecord, b: RunRecord) -> Comparison:
 
     A compliance brought along from Python is among the settings, as ``controller``.
     """
-    first, second = (
-        dict(_flat(msgspec.to_builtins(run.scenario), (), _NO_SETTINGS)) for run in (a, b)
-    )
+    values = side_by_side([a.summary.metrics, b.summary.metrics])
     return Comparison(
         labels=labels(a, b),
         outcomes=(_ended(a), _ended(b)),
-        metrics=list(_metrics(a.summary.metrics, b.summary.metrics)),
-        settings=[*_differing(*_controllers(a, b)), *_differing(first, second)],
-        versions=list(_differing(a.summary.versions, b.summary.versions)),
+        metrics=[
+            Compared(name=name, unit=unit, a=first, b=second)
+            for (name, unit), (first, second) in values.items()
+        ],
+        settings=_differing(*(_controller(run) for run in (a, b)))
+        | _differing(*(_settings(run) for run in (a, b))),
+        versions=_differing(a.summary.versions, b.summary.versions),
     )
-
-
-def _place(run: RunRecord) -> Path:
-    return run.folder or Path(run.scenario.name)
 
 
 def labels(a: RunRecord, b: RunRecord) -> tuple[str, str]:
     """Return the shortest ends of the runs' folders that tell them apart."""
-    first, second = (_place(run).resolve().parts for run in (a, b))
+    first, second = ((run.folder or Path(run.scenario.name)).resolve().parts for run in (a, b))
     if first == second:
         return f"{first[-1]} (a)", f"{second[-1]} (b)"
     for n in range(1, max(len(first), len(second)) + 1):
@@ -88,11 +77,11 @@ def report_text(found: Comparison) -> str:
     a, b = (Column(label, format=".5g") for label in found.labels)
     columns: Columns = ["", a, b, "change", "unit"]
     rows: list[tuple[object, ...]] = [("outcome", *found.outcomes)]
-    rows += [(row.name, row.a, row.b, _percent(row.change), row.unit) for row in found.metrics]
+    rows += [(row.name, row.a, row.b, percent(row.change), row.unit) for row in found.metrics]
     parts = [Table(columns, rows).text()]
     for title, items in (("settings", found.settings), ("versions", found.versions)):
         differing = Table(
-            [f"{title} that differ", a, b], [(item.name, item.a, item.b) for item in items]
+            [f"{title} that differ", a, b], [(name, *texts) for name, texts in items.items()]
         )
         parts.append(differing.text() if items else f"{title}: the same")
     return "\n\n".join(parts)
@@ -103,10 +92,7 @@ def write_comparison(
 ) -> None:
     """Write ``compare.txt``, ``compare.png`` and, with ``record``, ``compare.rrd``.
 
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
+    Raises InputError where the folder cannot be written to.
     """
     from dualbend.report.figures import plot_compared_moments  # noqa: PLC0415
 
@@ -121,63 +107,29 @@ def write_comparison(
             write_compared_recording((a, b), found.labels, text, folder / "compare.rrd")
 
 
-def _controllers(a: RunRecord, b: RunRecord) -> list[dict[str, str]]:
-    """Return whose compliance each run had, which no scenario says."""
-    return [{"controller": run.controller or _OWN_CONTROLLER} for run in (a, b)]
-
-
 def _ended(run: RunRecord) -> str:
     return run.outcome.replace("_", " ")
 
 
-def _metrics(a: dict[str, Metric], b: dict[str, Metric]) -> Iterator[Compared]:
-    for name in [*a, *(name for name in b if name not in a)]:
-        first, second = a.get(name), b.get(name)
-        known = first or second
-        assert known is not None
-        one, other = (_values(metric) for metric in (first, second))
-        several = any(m is not None and isinstance(m.value, list) for m in (first, second))
-        # Numbers of two units are not compared.
-        if first is not None and second is not None and first.unit != second.unit:
-            yield from (_row(f"{name}[{i}]", first.unit, one, (), i) for i in range(len(one)))
-            yield from (_row(f"{name}[{i}]", second.unit, (), other, i) for i in range(len(other)))
-            continue
-        for i in range(max(len(one), len(other))):
-            yield _row(f"{name}[{i}]" if several else name, known.unit, one, other, i)
+def _controller(run: RunRecord) -> dict[str, str]:
+    """Return whose compliance a run had, which no scenario says."""
+    return {"controller": run.controller or "the scenario's own"}
 
 
-def _row(
-    name: str, unit: str, a: Sequence[float | None], b: Sequence[float | None], i: int
-) -> Compared:
-    first, second = (values[i] if i < len(values) else None for values in (a, b))
-    return Compared(name=name, unit=unit, a=first, b=second)
+def _settings(run: RunRecord) -> dict[str, str]:
+    """Return what a scenario sets, without its description."""
+    return dict(_leaves({**msgspec.to_builtins(run.scenario), "description": None}))
 
 
-def _values(metric: Metric | None) -> Sequence[float | None]:
-    if metric is None:
-        return ()
-    return metric.value if isinstance(metric.value, list) else (metric.value,)
-
-
-def _flat(
-    value: object, keys: tuple[str, ...], without: frozenset[str] = frozenset()
-) -> Iterator[tuple[str, str]]:
+def _leaves(value: object, key: str = "") -> Iterator[tuple[str, str]]:
     """Yield the leaves of a scenario with their keys, joined by dots; what is None is not set."""
     if isinstance(value, dict):
-        for key, item in value.items():
-            if key not in without:
-                yield from _flat(item, (*keys, key))
+        for name, item in value.items():
+            yield from _leaves(item, f"{key}.{name}" if key else name)
     elif value is not None:
-        shown = list(value) if isinstance(value, tuple) else value
-        yield ".".join(keys), str(shown)
+        yield key, str(list(value) if isinstance(value, tuple) else value)
 
 
-def _differing(a: dict[str, str], b: dict[str, str]) -> Iterator[Differing]:
-    for name in sorted({*a, *b}):
-        first, second = a.get(name, _NONE), b.get(name, _NONE)
-        if first != second:
-            yield Differing(name=name, a=first, b=second)
-
-
-def _percent(change: float | None) -> str:
-    return "" if change is None else f"{100 * change:+.3g} %"
+def _differing(a: dict[str, str], b: dict[str, str]) -> Differing:
+    pairs = {name: (a.get(name, "-"), b.get(name, "-")) for name in sorted({*a, *b})}
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}

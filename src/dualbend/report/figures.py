@@ -38,6 +38,20 @@ _WIDTH = 0.85
 _MARKERS = {None: "", "star": "*", "circle_dot": "o", "circle_cross": "o"}
 
 
+def save(
+    figure: Figure,
+    path: Path,
+    option: str = "",
+    **options: Any,  # noqa: ANN401 - matplotlib's own
+) -> None:
+    """Write a picture; InputError, which names the ``option`` that gave the path, where that fails.
+
+    A figure that is made without pyplot needs no display and no choice of a backend.
+    """
+    with writing(path, option, also=ValueError):
+        figure.savefig(path, dpi=_DPI, **options)
+
+
 def draw(axes: Axes, shown: Plot, palette: Mapping[Colour, Any] = PALETTE) -> None:
     """Draw a plot as it is described; its legend is the caller's."""
     for left, right in shown.bands:
@@ -63,21 +77,16 @@ def draw(axes: Axes, shown: Plot, palette: Mapping[Colour, Any] = PALETTE) -> No
         axes.axvline(knot, color="0.85", linewidth=0.8, zorder=0)
     for level in shown.levels:
         axes.axhline(level, color="0.5", linewidth=0.8, zorder=0)
-    axes.set(xscale=shown.x.scale, xlabel=_label(shown.x), ylabel=_label(shown.y))
+    axes.set(xscale=shown.x.scale, xlabel=shown.x.text, ylabel=shown.y.text)
     if not shown.bars:
         axes.set_yscale(shown.y.scale)
     axes.margins(x=0.01)
     axes.set_title(shown.title, loc="left")
-    if shown.ranges.x is not None:
-        axes.set_xlim(shown.ranges.x.low, shown.ranges.x.high)
-    if shown.ranges.y is not None:
-        axes.set_ylim(shown.ranges.y.low, shown.ranges.y.high)
+    for axis, limit in ((shown.x, axes.set_xlim), (shown.y, axes.set_ylim)):
+        if axis.range is not None:
+            limit(axis.range.low, axis.range.high)
     if shown.true_to_scale:
         axes.set_aspect("equal", adjustable="datalim")
-
-
-def _label(axis: Axis) -> str:
-    return f"{axis.label} [{axis.unit}]" if axis.unit not in {"", "1"} else axis.label
 
 
 def _picture(shown: Plot) -> tuple[Figure, Axes]:
@@ -113,10 +122,7 @@ def plot_compared_moments(
 ) -> None:
     """Write the moments at the sensing grippers during bending as PNG: true, and thin, filtered.
 
-    Raises
-    ------
-    OSError
-        ``path`` cannot be written.
+    Raises OSError where ``path`` cannot be written.
     """
     looks = zip(runs, labels, COLOURS, LEFT_RIGHT_WIDTHS, strict=False)
     curves = [curve for look in looks for curve in _filtered_and_true(*look)]
@@ -155,5 +161,4 @@ def plot_stability_map(panels: Sequence[Panel], title: str, path: Path) -> None:
         axes.plot([], [], color="0.3", linestyle="dashed", label="paper (23)")
         axes.legend(fontsize="small", loc="upper left")
     figure.suptitle(f"{title}; shaded: unstable")
-    with writing(path, "--map", also=ValueError):
-        figure.savefig(path, dpi=_DPI)
+    save(figure, path, "--map")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dualbend.beam.rod import planar as rod
 from dualbend.evaluation.recorded_rod import recorded_rods
 from dualbend.evaluation.sheet import no_theory
-from dualbend.report.plot import Axis, Colour, Curve, Plot, Ranges
+from dualbend.report.plot import Axis, Colour, Curve, Plot
 from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
 
@@ -50,13 +50,7 @@ def recorded_moments(run: RunRecord, rows: Rows | NDArray[np.bool_]) -> list[Cur
     """Return raw, filtered and true moment at the sensing gripper [mN m] over the angle [rad]."""
     alpha, side = run["nominal_alpha"][rows], run.sensing_side
     return [
-        Curve(
-            name=name,
-            x=alpha,
-            y=1e3 * run[f"{side}_{column}_moment_y"][rows],
-            colour=colour,
-            width=width,
-        )
+        Curve(name, alpha, 1e3 * run[f"{side}_{column}_moment_y"][rows], colour, width)
         for name, column, colour, width in _RECORDED
     ]
 
@@ -81,8 +75,8 @@ def reference_on_path(scenario: Scenario) -> Curve:
         axial_stiffness_n=sheet.axial_stiffness_n,
     )
     moment = np.array([state.end_moment_nm if state.converged else np.nan for state in states])
-    name, y = "reference, nominal", 1e3 * moment
-    return Curve(name=name, x=alphas, y=y, colour="green", width=1.4, dash="dashed")
+    name = "reference, nominal"
+    return Curve(name, alphas, 1e3 * moment, colour="green", width=1.4, dash="dashed")
 
 
 def reference_at_ends(run: RunRecord) -> Curve:
@@ -95,8 +89,8 @@ def reference_at_ends(run: RunRecord) -> Curve:
             for s in recorded_rods(run, "edge", chosen)
         ]
     )
-    name, x, y = "reference, recorded", run["nominal_alpha"][chosen], 1e3 * moment
-    return Curve(name=name, x=x, y=y, colour="purple", width=1.4, dash="dotted")
+    name, alpha = "reference, recorded", run["nominal_alpha"][chosen]
+    return Curve(name, alpha, 1e3 * moment, colour="purple", width=1.4, dash="dotted")
 
 
 def knots_of(scenario: Scenario) -> list[float]:
@@ -110,19 +104,11 @@ def moment_plot(
     knots: Sequence[float],
     *,
     axes: tuple[Axis, Axis] = (ANGLE, MOMENT),
-    ranges: Ranges | None = None,
     title: str = "",
 ) -> Plot:
     """Return the paper's figure: moment over bending angle, with the path's knots."""
-    return Plot(
-        curves=curves,
-        x=axes[0],
-        y=axes[1],
-        ranges=ranges or Ranges(),
-        knots=knots,
-        levels=[0.0],
-        title=title,
-    )
+    x, y = axes
+    return Plot(curves=curves, x=x, y=y, knots=knots, levels=[0.0], title=title)
 
 
 def describe_peak(curve: Curve) -> str:

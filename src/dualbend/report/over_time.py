@@ -9,12 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.report.plot import LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot, Range, Ranges, common
+from dualbend.report.plot import LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot, common
 from dualbend.report.section import Figure
 from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
-
-TIME = Axis("time", "s")
 
 _COLOURS: dict[str, tuple[Colour, Colour]] = {
     "left": ("blue", "orange"),
@@ -40,18 +38,20 @@ class OverTime:
     run: RunRecord
 
     @cached_property
-    def range(self) -> Range:
-        """The range of time that all of them show."""
-        return common([self.run["time"]], margin=0.01)
+    def axis(self) -> Axis:
+        """Time, of a range that all of them show."""
+        return Axis("time", "s", range=common([self.run["time"]], margin=0.01))
 
     @cached_property
     def phases(self) -> list[Phase]:
         """The phases in the order in which they were run."""
         return list(_phases(self.run))
 
-    def curve(self, column: str, name: str, colour: Colour, factor: float = 1.0) -> Curve:
+    def curve(
+        self, column: str, name: str, colour: Colour, factor: float = 1.0, width: float = 1.6
+    ) -> Curve:
         """Return a column of the trace, times a factor, over time."""
-        return Curve(name=name, x=self.run["time"], y=factor * self.run[column], colour=colour)
+        return Curve(name, self.run["time"], factor * self.run[column], colour, width)
 
     def curves_by_side(
         self,
@@ -62,13 +62,7 @@ class OverTime:
     ) -> list[Curve]:
         """Return curves of one or two columns of each side, given as name and ending."""
         return [
-            Curve(
-                name=f"{side} {name}".strip(),
-                x=self.run["time"],
-                y=factor * self.run[f"{side}_{column}"],
-                colour=colour,
-                width=width,
-            )
+            self.curve(f"{side}_{column}", f"{side} {name}".strip(), colour, factor, width)
             for side, width in zip(sides, widths, strict=False)
             for (name, column), colour in zip(columns, _COLOURS[side], strict=False)
         ]
@@ -83,9 +77,7 @@ class OverTime:
     ) -> Figure:
         """Return curves over time, every second phase shaded; ``alt``: each curve's span."""
         bands = [(phase.start_s, phase.end_s) for phase in self.phases[::2]]
-        plot = Plot(
-            curves=curves, x=TIME, y=axis, ranges=Ranges(x=self.range), bands=bands, levels=levels
-        )
+        plot = Plot(curves=curves, x=self.axis, y=axis, bands=bands, levels=levels)
         spans = "; ".join(f"{c.name}: {_span(c.y)} {axis.unit}" for c in curves)
         return Figure(plot, caption, alt or f"{axis.label} over time. {spans}")
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import importlib.metadata
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from dualbend.errors import writing
 from dualbend.evaluation.sheet import no_theory
 from dualbend.report.bokeh import library, plots_data
 from dualbend.report.moment import (
+    ANGLE,
+    MOMENT,
     bending_rows,
     describe_peak,
     knots_of,
@@ -17,7 +20,7 @@ from dualbend.report.moment import (
     moment_plot,
 )
 from dualbend.report.over_time import OverTime
-from dualbend.report.plot import Ranges, common
+from dualbend.report.plot import common
 from dualbend.report.section import Chapter, Figure, Panels, Section, Verdict
 from dualbend.report.sections.summary import arms_section, sheet_section
 from dualbend.report.sections.tables import (
@@ -45,10 +48,7 @@ _POLICY = (
 def write_report(folders: Sequence[Path], out: Path) -> None:
     """Write the report of the runs in ``folders``.
 
-    Raises
-    ------
-    InputError
-        A folder is no run that can be read, or ``out`` cannot be written.
+    Raises InputError where a folder is no run that can be read, or ``out`` cannot be written.
     """
     runs = [load_run(folder, unfinished=True) for folder in folders]
     text = report(runs)
@@ -123,8 +123,9 @@ def _side_by_side(runs: Sequence[RunRecord], names: Sequence[str]) -> list[Secti
 def _moments(bent: Sequence[tuple[RunRecord, str]]) -> Section:
     curves = [moment_curves(run) for run, _ in bent]
     every = [curve for of_run in curves for curve in of_run]
-    ranges = Ranges(
-        x=common([curve.x for curve in every], 0.01), y=common([curve.y for curve in every])
+    axes = (
+        replace(ANGLE, range=common([curve.x for curve in every], 0.01)),
+        replace(MOMENT, range=common([curve.y for curve in every])),
     )
     figures = []
     for (run, name), of_run in zip(bent, curves, strict=True):
@@ -132,7 +133,7 @@ def _moments(bent: Sequence[tuple[RunRecord, str]]) -> Section:
         title = f"{name}, the paper's {paper}" if paper else name
         figures.append(
             Figure(
-                moment_plot(of_run, knots_of(run.scenario), ranges=ranges, title=title),
+                moment_plot(of_run, knots_of(run.scenario), axes=axes, title=title),
                 f"{title}: {describe_peak(of_run[2])}{_by_piece(run)}.",
                 f"Moment over bending angle of {name}. "
                 + "; ".join(describe_peak(curve) for curve in of_run),

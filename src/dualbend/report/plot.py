@@ -19,15 +19,6 @@ LEFT_RIGHT_WIDTHS = (3.2, 1.4)
 
 
 @dataclass(frozen=True)
-class Axis:
-    """What is plotted along an axis, its unit, and its scale."""
-
-    label: str
-    unit: str
-    scale: Literal["linear", "log"] = "linear"
-
-
-@dataclass(frozen=True, kw_only=True)
 class Curve:
     """A line, or points where ``marker`` is given; NaN is a gap; without a name in no legend."""
 
@@ -49,12 +40,19 @@ class Range:
     high: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class Ranges:
-    """Ranges of a plot; None: what its curves need."""
+@dataclass(frozen=True)
+class Axis:
+    """What is plotted along an axis, its unit, its scale and range; None: what the curves need."""
 
-    x: Range | None = None
-    y: Range | None = None
+    label: str
+    unit: str
+    scale: Literal["linear", "log"] = "linear"
+    range: Range | None = None
+
+    @property
+    def text(self) -> str:
+        """The label, with the unit in brackets where there is one."""
+        return f"{self.label} [{self.unit}]" if self.unit not in {"", "1"} else self.label
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +81,6 @@ class Plot:
     y: Axis
     curves: Sequence[Curve] = ()
     bars: Sequence[Bar] = ()
-    ranges: Ranges = Ranges()
     bands: Sequence[tuple[float, float]] = ()
     knots: Sequence[float] = ()
     levels: Sequence[float] = ()

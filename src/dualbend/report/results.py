@@ -22,23 +22,13 @@ def write_results(
     record: bool = True,
     notes: Notes | None = None,
 ) -> list[str]:
-    """Write scenario, trace, summary, picture and recording; return what could not be.
+    """Write scenario, trace, summary, picture and recording of a run, however it ended.
 
-    Parameters
-    ----------
-    result
-        Of a run, however it ended.
-    folder
-        Made where it is not there.
-    record
-        Write ``run.rrd``.
-    notes
-        What :func:`~dualbend.recording.notes.notes_of` returned, where that is known already.
+    Returns a message for each file that could not be written. The folder is made where it is not
+    there. ``record``: ``run.rrd`` as well; ``notes``: what
+    :func:`~dualbend.recording.notes.notes_of` returned, where that is known already.
 
-    Raises
-    ------
-    InputError
-        The folder cannot be written to.
+    Raises InputError where the folder cannot be written to.
     """
     folder = Path(folder)
     output.prepare_folder(folder)

@@ -20,9 +20,9 @@ SHAPES = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """The sheet at one instant: points (n,) in the bending plane [m], z from its ends' height.
+    """The sheet at one instant: points (2, n) in the bending plane [m], z from its ends' height.
 
-    ``elastica_*``: the zero-moment shape at the sheet's own end slope ``slope_rad``, the arms lag
+    ``elastica_m``: the zero-moment shape at the sheet's own end slope ``slope_rad``, the arms lag
     behind ``alpha_rad``. ``off_*``: largest distance between points of the same arc length [m],
     from it, and from the rod with weight between the sheet's own ends (NaN: not found, and of a
     sheet that may yield).
@@ -31,10 +31,8 @@ class Shape:
     alpha_rad: float
     slope_rad: float
     time_s: float
-    x_m: Vector
-    z_m: Vector
-    elastica_x_m: Vector
-    elastica_z_m: Vector
+    points_m: Vector
+    elastica_m: Vector
     off_elastica_m: float
     off_rod_m: float
 
@@ -82,8 +80,8 @@ def _shape(run: RunRecord, row: int, state: RodState | None) -> Shape:
     slope = 0.5 * sum(float(run[f"{side}_edge_alpha"][row]) for side in SIDES)
     allowed = min(max(slope, 0.0), elastica.END_SLOPE_GRIPPERS_MEET)
     s, x, z = sheet_points(run, row)
-    wanted_x, wanted_z, _ = elastica.shape(allowed, run.scenario.sheet.length_m, s)
-    middle, level = 0.5 * (x[0] + x[-1]), 0.5 * (z[0] + z[-1])
+    wanted = np.stack(elastica.shape(allowed, run.scenario.sheet.length_m, s)[:2])
+    points = np.stack([part - 0.5 * (part[0] + part[-1]) for part in (x, z)])
     off_rod = np.nan
     if state is not None and state.converged:
         rod_x, rod_z = (np.interp(s, state.s_m, part) for part in (state.x_m, state.z_m))
@@ -92,10 +90,8 @@ def _shape(run: RunRecord, row: int, state: RodState | None) -> Shape:
         alpha_rad=float(run["nominal_alpha"][row]),
         slope_rad=slope,
         time_s=float(run["time"][row]),
-        x_m=x - middle,
-        z_m=z - level,
-        elastica_x_m=wanted_x,
-        elastica_z_m=wanted_z,
-        off_elastica_m=float(np.hypot(x - middle - wanted_x, z - level - wanted_z).max()),
+        points_m=points,
+        elastica_m=wanted,
+        off_elastica_m=float(np.hypot(*(points - wanted)).max()),
         off_rod_m=off_rod,
     )

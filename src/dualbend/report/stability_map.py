@@ -8,7 +8,7 @@ from typing import Any
 import contourpy
 import numpy as np
 
-from dualbend.report.plot import COLOURS, Axis, Curve, Plot, Range, Ranges, Ring
+from dualbend.report.plot import COLOURS, Axis, Curve, Plot, Range, Ring
 from dualbend.stability.map import Panel
 from dualbend.types import Vector
 
@@ -27,17 +27,15 @@ def stability_panel(panel: Panel, *, stiffness: bool = False) -> Plot:
         paper = _boundary(b, k, panel.paper / max(k_e, 1e-12))
         drawn = np.isfinite(sampled[0]).any() or np.isfinite(paper[0]).any()
         name = f"{alpha:.2f} rad" + (f", k_e = {k_e:.3g}" if stiffness else "")
-        name = name if drawn else ""
-        curves.append(Curve(name=name, x=sampled[0], y=sampled[1], colour=colour, width=2.0))
-        curves.append(Curve(name="", x=paper[0], y=paper[1], colour=colour, dash="dashed"))
-    gains = [np.array([gain]) for gain in panel.gains]
-    curves.append(Curve(name="gains set", x=gains[0], y=gains[1], colour="red", marker="star"))
-    limits = [Range(low=float(v[0]), high=float(v[-1])) for v in (panel.b, panel.k)]
+        curves.append(Curve(name if drawn else "", *sampled, colour=colour, width=2.0))
+        curves.append(Curve("", *paper, colour=colour, dash="dashed"))
+    b_set, k_set = (np.array([gain]) for gain in panel.gains)
+    curves.append(Curve("gains set", b_set, k_set, colour="red", marker="star"))
+    shown = [Range(low=float(v[0]), high=float(v[-1])) for v in (panel.b, panel.k)]
     return Plot(
-        x=Axis("damping b", panel.units[0], scale="log"),
-        y=Axis("stiffness k", panel.units[1], scale="log"),
+        x=Axis("damping b", panel.units[0], "log", shown[0]),
+        y=Axis("stiffness k", panel.units[1], "log", shown[1]),
         curves=curves,
-        ranges=Ranges(x=limits[0], y=limits[1]),
         areas=_unstable(b, k, np.minimum.reduce(list(panel.sampled.values()))),
         title=f"{panel.axis} alone",
     )

@@ -7,7 +7,6 @@ import tempfile
 import time
 from pathlib import Path
 
-import msgspec
 import mujoco
 
 from dualbend.recording.write import write_recording
@@ -16,24 +15,14 @@ from dualbend.run.make import make_run
 from dualbend.scenario.scenario import Scenario
 
 
-class Benchmark(msgspec.Struct, frozen=True, kw_only=True):
-    """Medians over the repetitions, and the best real-time factor.
+def benchmark(scenario: Scenario, repetitions: int) -> dict[str, str | float]:
+    """Run a scenario several times, bare physics and recording in turn with it.
 
-    ``realtime_factor``: simulated time over wall time of the loop, recording off. ``over_mj_step``:
-    wall time of the loop over that of the same number of bare ``mj_step`` calls on its model.
-    ``recording_share``: time to write the recording over wall time of the loop.
+    Returns medians over the repetitions, and the best real-time factor. ``realtime_factor``:
+    simulated time over wall time of the loop, recording off. ``over_mj_step``: wall time of the
+    loop over that of the same number of bare ``mj_step`` calls on its model. ``recording_share``:
+    time to write the recording over wall time of the loop.
     """
-
-    scenario: str
-    repetitions: int
-    realtime_factor: float
-    realtime_factor_best: float
-    over_mj_step: float
-    recording_share: float
-
-
-def benchmark(scenario: Scenario, repetitions: int) -> Benchmark:
-    """Run a scenario several times, bare physics and recording in turn with it."""
     factors, ratios, shares = [], [], []
     for _ in range(repetitions):
         run = make_run(scenario)
@@ -44,14 +33,14 @@ def benchmark(scenario: Scenario, repetitions: int) -> Benchmark:
             started = time.perf_counter()
             write_recording(result, Path(folder) / "run.rrd")
             shares.append((time.perf_counter() - started) / result.wall_time_s)
-    return Benchmark(
-        scenario=scenario.name,
-        repetitions=repetitions,
-        realtime_factor=statistics.median(factors),
-        realtime_factor_best=max(factors),
-        over_mj_step=statistics.median(ratios),
-        recording_share=statistics.median(shares),
-    )
+    return {
+        "scenario": scenario.name,
+        "repetitions": repetitions,
+        "realtime_factor": statistics.median(factors),
+        "realtime_factor_best": max(factors),
+        "over_mj_step": statistics.median(ratios),
+        "recording_share": statistics.median(shares),
+    }
 
 
 def _bare_time(run: Run, cycles: int) -> float:

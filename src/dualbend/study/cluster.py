@@ -33,12 +33,8 @@ _ONE_AT_A_TIME = threading.Lock()
 def on_cluster(address: str, on_note: Callable[[str], None] = lambda _: None) -> Place:
     """Return what makes runs at a scheduler's address, ``tcp://HOST:PORT``.
 
-    ``on_note`` is called with what the user should know while waiting.
-
-    Raises
-    ------
-    InputError
-        dask.distributed is not installed, or nothing answers there.
+    ``on_note`` is called with what the user should know while waiting. Raises InputError where
+    dask.distributed is not installed, or nothing answers there.
     """
     client = _connect(address)
 

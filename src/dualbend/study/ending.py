@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from dualbend.errors import DualbendError
 from dualbend.evaluation.metrics import WALL_CLOCK
 from dualbend.run.loop import Run
 from dualbend.run.record import Metric, RunRecord
 
-REFUSED, RAISED = "refused", "error"
+REFUSED: Final = "refused"
+RAISED: Final = "error"
 """Outcomes beside those of a run: it cannot be made ready, or is broken."""
 
 

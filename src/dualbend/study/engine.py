@@ -11,9 +11,9 @@ import itertools
 from collections.abc import Callable, Generator, Hashable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, nullcontext, suppress
+from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar, TypeVarTuple
+from typing import Generic, Protocol, TypeVar, TypeVarTuple
 
 from dualbend.errors import DualbendError
 from dualbend.run.output import uninterrupted
@@ -21,7 +21,6 @@ from dualbend.study.folder import StudyFolder
 
 Key = TypeVar("Key", bound=Hashable)
 Row = TypeVar("Row")
-Summary = TypeVar("Summary")
 Arguments = TypeVarTuple("Arguments")
 
 
@@ -52,30 +51,19 @@ class Place(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Study(Generic[Key, *Arguments, Row, Summary]):
-    """Many runs and what is made of them.
+class Study(Generic[Key, *Arguments, Row]):
+    """Many runs.
 
-    Parameters
-    ----------
-    design
-        The keys of all runs, in the order of the rows.
-    task
-        The arguments of a key's run, or its row where that is known without a run.
-    run_one
-        Makes a run; importable in another process.
-    key
-        The key of a row.
-    summarise
-        Makes the result of all rows.
-    lost
-        The row of a run whose workers died; without it that is an error.
+    ``design``: the keys of all runs, in the order of the rows; ``task``: the arguments of a key's
+    run, or its row where that is known without a run; ``run_one`` makes a run and is importable in
+    another process; ``key``: that of a row; ``lost``: the row of a run whose workers died, by key
+    and reason, without which that is an error.
     """
 
     design: Sequence[Key]
     task: Callable[[Key], tuple[*Arguments] | Row]
     run_one: Callable[[*Arguments], Row]
     key: Callable[[Row], Key]
-    summarise: Callable[[list[Row]], Summary]
     lost: Callable[[Key, str], Row] | None = None
 
     def run(
@@ -83,22 +71,19 @@ class Study(Generic[Key, *Arguments, Row, Summary]):
         place: Place,
         folder: StudyFolder[Row] | None = None,
         on_run: Callable[[int, int, Row | None], None] = lambda *_: None,
-    ) -> Summary:
-        """Make the runs that the folder does not have yet, each kept there as it ends.
+    ) -> list[Row]:
+        """Make the runs that the folder does not have yet, each kept there as it ends; return all.
 
         ``on_run`` is called with the number of runs that are done, that of all, and the last row:
         None at the start.
 
-        Raises
-        ------
-        InputError
-            The folder is another study's, is in use or cannot be used.
-        WorkerDiedError
-            A run is lost and there is no row for that.
-        KeyboardInterrupt
-            Interrupted; what was done is in the folder, and the same call goes on.
+        Raises InputError where the folder is another study's, is in use or cannot be used;
+        WorkerDiedError where a run is lost and there is no row for that; KeyboardInterrupt where it
+        is interrupted: what was done is in the folder, and the same call goes on.
         """
-        with nullcontext(_nothing_kept()) if folder is None else folder.opened() as (old, keep):
+        kept: AbstractContextManager[tuple[list[Row], Callable[[Row], None]]]
+        kept = nullcontext(([], lambda _: None)) if folder is None else folder.opened()
+        with kept as (old, keep):
             done = {self.key(row): row for row in old}
             done = {key: done[key] for key in self.design if key in done}
             on_run(len(done), len(self.design), None)
@@ -119,17 +104,13 @@ class Study(Generic[Key, *Arguments, Row, Summary]):
             # Closed also where an interrupt comes between two runs.
             with closing(place(tasks, self.run_one)) as ended:
                 for key, row in ended:
-                    add(key, self._row_of_lost(key, row) if isinstance(row, Lost) else row)
-            return self.summarise([done[key] for key in self.design])
-
-    def _row_of_lost(self, key: Key, lost: Lost) -> Row:
-        if self.lost is None:
-            raise WorkerDiedError
-        return self.lost(key, lost.reason)
-
-
-def _nothing_kept() -> tuple[list[Any], Callable[[Any], None]]:
-    return [], lambda _: None
+                    if not isinstance(row, Lost):
+                        add(key, row)
+                    elif self.lost is not None:
+                        add(key, self.lost(key, row.reason))
+                    else:
+                        raise WorkerDiedError
+            return [done[key] for key in self.design]
 
 
 def as_they_end(

@@ -30,24 +30,20 @@ class StudyFolder(Generic[Row]):
     """A folder that one process at a time writes.
 
     ``study``: what it is of; ``files``: texts to write into a new one; ``row``: what a line of
-    ``runs.jsonl`` holds. ``name`` and ``row_name`` are what messages call study and row.
+    ``runs.jsonl`` holds.
     """
 
     folder: Path
     row: type[Row]
     study: Mapping[str, Any]
     files: Mapping[str, str] = field(default_factory=dict)
-    name: str = "study"
-    row_name: str = "run"
 
     @contextmanager
     def opened(self) -> Iterator[tuple[list[Row], Callable[[Row], None]]]:
         """Make the folder or go on with it; give the rows that it has and what adds one.
 
-        Raises
-        ------
-        InputError
-            It holds another study, is in use or cannot be used, or a line is no row.
+        Raises InputError where it holds another study, is in use or cannot be used, or a line is
+        no row.
         """
         prepare_folder(self.folder)
         with self._locked():
@@ -84,7 +80,7 @@ class StudyFolder(Generic[Row]):
                 short = not any(isinstance(v, str) and "\n" in v for v in (value, other))
                 change = f" ({key} = {other!r}, now {value!r})" if short else ""
                 raise InputError(
-                    f"--out {self.folder}: holds a {self.name} of another {key}{change}; "
+                    f"--out {self.folder}: holds a study of another {key}{change}; "
                     "give another folder, or remove this one"
                 )
 
@@ -99,7 +95,7 @@ class StudyFolder(Generic[Row]):
             os.truncate(path, whole)
         rows = []
         for number, text in enumerate(data[:whole].splitlines(), start=1):
-            with refusing(f"{path}: line {number} is no {self.row_name}", msgspec.DecodeError):
+            with refusing(f"{path}: line {number} is no run", msgspec.DecodeError):
                 rows.append(msgspec.json.decode(text, type=self.row))
         return rows
 

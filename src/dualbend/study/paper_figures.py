@@ -9,7 +9,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from dualbend.errors import writing
-from dualbend.report.figures import ANGLE, draw
+from dualbend.report.figures import ANGLE, draw, save
 from dualbend.report.moment import knots_of, moment_curves, moment_plot
 from dualbend.report.page import PAPER_FIGURES, write_report
 from dualbend.report.plot import Axis, Plot
@@ -19,7 +19,6 @@ from dualbend.run.record import RunRecord
 from dualbend.run.saved import load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.study.engine import Study
-from dualbend.study.picture import save
 from dualbend.study.processes import in_processes
 
 PROCESSES = 2
@@ -35,15 +34,10 @@ def make_figures(
 ) -> list[RunRecord]:
     """Run the three scenarios into ``out`` and write pictures and page; return the runs.
 
-    ``settings``: what is set otherwise in all three, as ``--set`` has it.
-
-    ``out`` gets a folder for each run, ``fig6``, ``fig8``, ``fig9`` and ``figures`` as PNG and
-    SVG, and ``report.html``. ``on_done`` is called with each run as it is done.
-
-    Raises
-    ------
-    InputError
-        ``out`` cannot be written to, or a process died.
+    ``settings``: what is set otherwise in all three, as ``--set`` has it. ``out`` gets a folder for
+    each run, ``fig6``, ``fig8``, ``fig9`` and ``figures`` as PNG and SVG, and ``report.html``.
+    ``on_done`` is called with each run as it is done. Raises InputError where ``out`` cannot be
+    written to, or a process died.
     """
     folders = {name: out / name for name in PAPER_FIGURES}
     for folder in folders.values():
@@ -55,14 +49,14 @@ def make_figures(
         task=lambda name: (name, tuple(settings), folders[name]),
         run_one=_run,
         key=str,
-        summarise=lambda names: [load_run(folders[name]) for name in names],
     )
 
     def tell(_: int, __: int, name: str | None) -> None:
         if name is not None:
             on_done(load_run(folders[name]))
 
-    runs = study.run(in_processes(PROCESSES), on_run=tell)
+    names = study.run(in_processes(PROCESSES), on_run=tell)
+    runs = [load_run(folders[name]) for name in names]
     write_pictures(runs, out)
     write_report(list(folders.values()), out / "report.html")
     return runs
@@ -82,10 +76,7 @@ def _run(name: str, settings: Sequence[str], folder: Path) -> str:
 def write_pictures(runs: Sequence[RunRecord], out: Path) -> None:
     """Write each run's figure and all beside each other, on one scale, as PNG and SVG.
 
-    Raises
-    ------
-    InputError
-        A file cannot be written.
+    Raises InputError where a file cannot be written.
     """
     mpl.rcParams["svg.hashsalt"] = "dualbend"  # the same file from the same run
     plots = [_plot(run) for run in runs]

@@ -9,18 +9,11 @@ import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.process import BaseProcess
 
-from dualbend.study.engine import (
-    Arguments,
-    Key,
-    Lost,
-    Place,
-    Row,
-    WorkerDiedError,
-    as_they_end,
-)
+from dualbend.errors import InputError
+from dualbend.study.engine import Arguments, Key, Lost, Place, Row, WorkerDiedError, as_they_end
 
 DIED = "the process that ran it died, also when it ran alone"
 
@@ -34,8 +27,11 @@ def in_processes(workers: int | None = None) -> Place:
     """Return what makes runs in so many processes at most, by default one for each core.
 
     A run whose process dies is tried once more, alone; one that dies again is lost. Raises
-    WorkerDiedError where not even a process that does nothing lives.
+    InputError for less than one, and WorkerDiedError, when runs are made, where not even a process
+    that does next to nothing lives.
     """
+    if workers is not None and workers < 1:
+        raise InputError(f"workers = {workers}: must be at least 1")
 
     def ended(
         tasks: Mapping[Key, tuple[*Arguments]], run_one: Callable[[*Arguments], Row]
@@ -59,12 +55,10 @@ def in_processes(workers: int | None = None) -> Place:
 
 
 def _alone(task: tuple[*Arguments], run_one: Callable[[*Arguments], Row]) -> Row | Lost:
-    try:
+    with suppress(BrokenProcessPool):
         return _one(run_one, task)
-    except BrokenProcessPool:
-        pass
     try:
-        _one(_live, ())
+        _one(os.getpid, ())
     except BrokenProcessPool as error:
         raise WorkerDiedError from error
     return Lost(DIED)
@@ -74,10 +68,6 @@ def _one(function: Callable[[*Arguments], Row], arguments: tuple[*Arguments]) ->
     with _pool(1) as pool:
         ((_, future),) = as_they_end(pool, {None: arguments}, function, 1)
         return future.result()
-
-
-def _live() -> None:
-    pass
 
 
 @contextmanager

@@ -68,10 +68,10 @@ def path_section(run: RunRecord) -> Section:
     figures = []
     for i, (name, recorded) in enumerate((("half distance", half), ("height", rise))):
         curves = [
-            Curve(name="exact path", x=grid, y=1e3 * exact[i], colour="green", width=3.0),
-            Curve(name="nominal", x=grid, y=1e3 * nominal[i], colour="orange"),
-            Curve(name="recorded", x=slope, y=1e3 * recorded, dash="dashed"),
-            Curve(name="knots", x=knots, y=1e3 * at_knots[i], colour="orange", marker="circle_dot"),
+            Curve("exact path", grid, 1e3 * exact[i], colour="green", width=3.0),
+            Curve("nominal", grid, 1e3 * nominal[i], colour="orange"),
+            Curve("recorded", slope, 1e3 * recorded, dash="dashed"),
+            Curve("knots", knots, 1e3 * at_knots[i], colour="orange", marker="circle_dot"),
         ]
         alt = f"{name} over angle: {1e3 * nominal[i][0]:.1f} to {1e3 * nominal[i][-1]:.1f} mm"
         drawn = Plot(curves=curves, x=ANGLE, y=Axis(name, "mm"), height_px=300)
@@ -80,10 +80,7 @@ def path_section(run: RunRecord) -> Section:
     off = 1e3 * (half - elastica.half_distance(within, length))
     wanted = 1e3 * (nominal[0] - exact[0])
     difference = Plot(
-        curves=[
-            Curve(name="nominal", x=grid, y=wanted, colour="orange"),
-            Curve(name="recorded", x=slope, y=off),
-        ],
+        curves=[Curve("nominal", grid, wanted, colour="orange"), Curve("recorded", slope, off)],
         x=ANGLE,
         y=Axis("half distance off", "mm"),
         knots=knots.tolist(),
@@ -112,11 +109,10 @@ def shape_section(run: RunRecord) -> Section:
         return Section(title, [_NOT_BENT])
     curves = []
     for shape, colour in zip(found, COLOURS, strict=False):
-        x, z = 1e3 * shape.elastica_x_m, 1e3 * shape.elastica_z_m
-        name = f"{shape.alpha_rad:.2f} rad"
+        (x, z), (in_theory_x, in_theory_z) = 1e3 * shape.points_m, 1e3 * shape.elastica_m
         curves += [
-            Curve(name="", x=x, y=z, colour="grey", width=6.0, opacity=0.4),
-            Curve(name=name, x=1e3 * shape.x_m, y=1e3 * shape.z_m, colour=colour),
+            Curve("", in_theory_x, in_theory_z, colour="grey", width=6.0, opacity=0.4),
+            Curve(f"{shape.alpha_rad:.2f} rad", x, z, colour),
         ]
     simulated = _SIMULATED[run.scenario.sheet.model.kind]
     caption = (

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from dualbend.control.compliance.admittance import ComplianceConfig
-from dualbend.scenario.keys import REQUIRED, Section, sections
+from dualbend.scenario.keys import REQUIRED, sections
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.toml_text import toml
 from dualbend.stability.map import gain_units
@@ -20,54 +19,39 @@ class Setting(msgspec.Struct, frozen=True, kw_only=True):
     key: str
     value: str
     unit: str
-    default: str
+    default: str | None
     description: str
     changed: bool
 
 
 def settings_of(scenario: Scenario) -> list[Setting]:
     """Return every key that a scenario sets or inherits; of sections that are off, none."""
-    units = _gain_units(scenario.compliance)
-    return [
-        msgspec.structs.replace(setting, unit=units.get(setting.key, setting.unit))
-        for section in sections()
-        for setting in _of_section(section, section.of(scenario))
-    ]
-
-
-def _gain_units(config: ComplianceConfig) -> dict[str, str]:
-    """Return the units of the gains, which ``compliance.units`` chooses."""
-    return {
-        f"compliance.{axis}.{gain}": unit
+    units = {
+        f"compliance.{axis}.{gain}": unit  # which compliance.units chooses
         for axis in SINGLE_AXES
-        for gain, unit in zip("bk", gain_units(config, axis), strict=True)
+        for gain, unit in zip("bk", gain_units(scenario.compliance, axis), strict=True)
     }
-
-
-def _of_section(section: Section, values: object) -> list[Setting]:
-    if values is None:
-        return []
     found = []
-    for key in section.keys:
-        if not section.path and key.name in _NAMES_OF_THE_RUN:
-            continue
-        value = msgspec.to_builtins(getattr(values, key.name))
-        default = msgspec.to_builtins(_default(key.in_section))
-        found.append(
-            Setting(
-                key=".".join((*section.path, key.name)),
-                value=_shown(value),
-                unit=key.unit,
-                default="required" if key.in_section is REQUIRED else _shown(default),
-                description=key.description,
-                changed=key.in_section is REQUIRED or _plain(value) != _plain(default),
+    for section in sections():
+        values = section.of(scenario)
+        for key in section.keys if values is not None else ():
+            name = ".".join((*section.path, key.name))
+            if name in _NAMES_OF_THE_RUN:
+                continue
+            value = msgspec.to_builtins(getattr(values, key.name))
+            required = key.in_section is REQUIRED
+            default = None if required else msgspec.to_builtins(key.in_section)
+            found.append(
+                Setting(
+                    key=name,
+                    value=_shown(value),
+                    unit=units.get(name, key.unit),
+                    default=None if required else _shown(default),
+                    description=key.description,
+                    changed=required or _plain(value) != _plain(default),
+                )
             )
-        )
     return found
-
-
-def _default(value: object) -> object:
-    return None if value is REQUIRED else value
 
 
 def _plain(value: object) -> object:

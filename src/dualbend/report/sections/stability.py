@@ -38,15 +38,12 @@ def _predicted(run: RunRecord) -> list[Block]:
         prediction = predict(run.scenario)
     except InputError as error:
         return [f"No prediction: {error}"]
-    verdict = f"Predicted {prediction.verdict}: {prediction.reason}.{_ranges(prediction)}"
+    spans = ", ".join(f"from {low:.2f} to {high:.2f} rad" for low, high in prediction.unstable_rad)
+    verdict = f"Predicted {prediction.verdict}: {prediction.reason}."
+    verdict += f" Unstable {spans}." if spans else ""
     if not prediction.rows:
         return [verdict]
     return [verdict, _along(prediction), _map(run.scenario, prediction)]
-
-
-def _ranges(prediction: Prediction) -> str:
-    parts = [f"from {low:.2f} to {high:.2f} rad" for low, high in prediction.unstable_rad]
-    return f" Unstable {', '.join(parts)}." if parts else ""
 
 
 def _beyond(panel: Panel) -> str:
@@ -67,7 +64,7 @@ def _along(prediction: Prediction) -> Panels:
         values = np.array([getattr(row, key) for row in prediction.rows])
         # An infinite margin has no point.
         shown = np.where(np.isfinite(values), values, np.nan)
-        curve = Curve(name="sampled loop", x=alpha, y=shown, colour=colour, width=2.0)
+        curve = Curve("sampled loop", alpha, shown, colour=colour, width=2.0)
         drawn = Plot(curves=[curve], x=ANGLE, y=axis, levels=[level], height_px=280)
         span = f"{np.nanmin(shown):.3g} to {np.nanmax(shown):.3g} {axis.unit}"
         caption = f"{axis.label.capitalize()} along the path. {words}"

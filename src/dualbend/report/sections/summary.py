@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, TypeVar
+
 import msgspec
 
 from dualbend.arm.joint_limits import JointLimitMargins
 from dualbend.evaluation.sheet import SheetReport
-from dualbend.report.section import Section
+from dualbend.report.section import Block, Section
 from dualbend.run.record import RunRecord
 from dualbend.table import Columns, Table, quantity
+
+T = TypeVar("T")
 
 
 def sheet_section(run: RunRecord) -> Section | None:
     """Return the sheet and each way to take its rigidity; None where the summary has no sheet."""
-    if not run.summary.sheet:
+    return _section("Sheet", run.summary.sheet, SheetReport, lambda x: [_facts(x), _rigidity(x)])
+
+
+def arms_section(run: RunRecord) -> Section | None:
+    """Return the margins that both arms had; None where the summary does not say them."""
+    return _section("Arms", run.summary.arms, dict[str, JointLimitMargins], lambda x: [_margins(x)])
+
+
+def _section(
+    title: str, part: dict[str, Any], kind: type[T], blocks: Callable[[T], list[Block]]
+) -> Section | None:
+    if not part:
         return None
     try:
-        sheet = msgspec.convert(run.summary.sheet, SheetReport)
+        return Section(title, blocks(msgspec.convert(part, kind)))
     except msgspec.ValidationError as error:
-        return Section("Sheet", [f"The summary's sheet is not readable: {error}"])
-    return Section("Sheet", [_facts(sheet), _rigidity(sheet)])
+        return Section(title, [f"This part of the summary is not readable: {error}"])
 
 
 def _facts(sheet: SheetReport) -> Table:
@@ -56,14 +71,7 @@ def _rigidity(sheet: SheetReport) -> Table:
     return Table(columns, rows, caption)
 
 
-def arms_section(run: RunRecord) -> Section | None:
-    """Return the margins that both arms had; None where the summary does not say them."""
-    if not run.summary.arms:
-        return None
-    try:
-        arms = msgspec.convert(run.summary.arms, dict[str, JointLimitMargins])
-    except msgspec.ValidationError as error:
-        return Section("Arms", [f"The summary's arms are not readable: {error}"])
+def _margins(arms: dict[str, JointLimitMargins]) -> Table:
     columns: Columns = [
         *("side", "arm", quantity("smallest manipulability", "–")),
         *(quantity("nearest limit", "degrees"), "of joint"),
@@ -76,4 +84,4 @@ def arms_section(run: RunRecord) -> Section | None:
         "Margins of the arms along the commanded path; manipulability over the largest that the "
         "arm has"
     )
-    return Section("Arms", [Table(columns, rows, caption)])
+    return Table(columns, rows, caption)

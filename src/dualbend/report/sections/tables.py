@@ -62,7 +62,7 @@ def _settings(caption: str, settings: Sequence[Setting]) -> Table:
             Code(setting.key),
             setting.value,
             _unbroken(setting.unit),
-            None if setting.default == "required" else setting.default,
+            setting.default,
             setting.description,
         )
         for setting in settings

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dualbend.report.over_time import TIME, OverTime, Phase
-from dualbend.report.plot import COLOURS, Axis, Bar, Plot, Ranges
+from dualbend.report.over_time import OverTime, Phase
+from dualbend.report.plot import COLOURS, Axis, Bar, Plot
 from dualbend.report.section import Figure, Panels, Section
 from dualbend.run.record import RunRecord
 from dualbend.table import Column, Table, quantity
@@ -94,13 +94,7 @@ def _lanes(over_time: OverTime) -> Plot:
         )
         for phase in over_time.phases
     ]
-    return Plot(
-        x=TIME,
-        y=Axis("", ""),
-        bars=bars,
-        ranges=Ranges(x=over_time.range),
-        height_px=90 + 17 * len(names),
-    )
+    return Plot(x=over_time.axis, y=Axis("", ""), bars=bars, height_px=90 + 17 * len(names))
 
 
 def _counts(phase: Phase) -> list[tuple[str, int]]:

@@ -7,12 +7,13 @@ small disturbance neither grows nor dies out, beside what the three analyses say
 from __future__ import annotations
 
 import hashlib
+import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from dualbend.errors import InputError
+from dualbend.evaluation.metrics import finite
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.engine import Study
 from dualbend.study.folder import StudyFolder
@@ -35,23 +36,8 @@ RATES_AT = (0.9, 1.1)
 
 _BRACKET, _WIDENINGS, _SMALLER = 1.3, 8, 0.05
 
-
-@dataclass(frozen=True, kw_only=True)
-class _Task:
-    """What one process works on."""
-
-    scenario: Scenario
-    axis: SingleAxis
-    alpha_rad: float
-    ratio_per_s: float
-    frictionless: bool
-
-    @property
-    def key(self) -> str:
-        """A digest of everything that the case depends on."""
-        held_at = held(self.scenario, self.axis, self.alpha_rad, (1.0, self.ratio_per_s))
-        text = f"{held_at.to_toml()}{self.frictionless}{TOLERANCE}{RATES_AT}"
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+_Task = tuple[str, Scenario, SingleAxis, float, float]
+"""Key, a digest of everything that the case depends on; scenario, axis, angle and ray."""
 
 
 def onset_study(
@@ -60,16 +46,15 @@ def onset_study(
     rays: Sequence[float] = RAYS_PER_S,
     angles: Sequence[float] = ANGLES_RAD,
     axes: Sequence[SingleAxis] = AXES,
-    frictionless: bool = True,
     workers: int | None = None,
     folder: Path | None = None,
     on_run: Callable[[int, int, Case | None], None] = lambda *_: None,
 ) -> OnsetStudy:
     """Bisect the simulated onset on every ray k/b [1/s], at every angle [rad], for every axis.
 
-    ``frictionless`` also without the joints' dry friction; ``workers`` processes at most, by
-    default as many as there are cores. With a ``folder`` every case is kept there as soon as it is
-    found, and what is there already of the same scenario is not done again. ``on_run`` as
+    Each also without the joints' dry friction. ``workers`` processes at most, by default as many
+    as there are cores. With a ``folder`` every case is kept there as soon as it is found, and what
+    is there already of the same scenario is not done again. ``on_run`` as
     :meth:`dualbend.study.engine.Study.run` has it.
 
     Raises InputError where there is nothing to study, a ray or angle is no positive number, the
@@ -80,21 +65,16 @@ def onset_study(
             f"--validate: scenario {scenario.name!r} has compliance beyond the paper (schedule, "
             "reference, fusion or predictor): rays in (b, k) say nothing of it"
         )
-    if workers is not None and workers < 1:
-        raise InputError(f"workers = {workers}: must be at least 1")
-    tasks = _tasks(scenario, rays, angles, axes, frictionless=frictionless)
+    tasks = _tasks(scenario, rays, angles, axes)
     study = Study(
-        design=list(tasks),
-        task=lambda key: (tasks[key],),
-        run_one=work,
-        key=lambda case: case.key,
-        summarise=lambda cases: OnsetStudy(scenario=scenario.name, cases=tuple(cases)),
+        design=list(tasks), task=tasks.__getitem__, run_one=work, key=lambda case: case.key
     )
     # Cases of several scenarios and rays may be in one folder: their keys tell them apart.
     kept = None
     if folder is not None:
-        kept = StudyFolder(folder=folder, row=Case, study={"kind": "onset"}, row_name="case")
-    return study.run(in_processes(workers), kept, on_run)
+        kept = StudyFolder(folder=folder, row=Case, study={"kind": "onset"})
+    cases = study.run(in_processes(workers), kept, on_run)
+    return OnsetStudy(scenario=scenario.name, cases=tuple(cases))
 
 
 def _tasks(
@@ -102,8 +82,6 @@ def _tasks(
     rays: Sequence[float],
     angles: Sequence[float],
     axes: Sequence[SingleAxis],
-    *,
-    frictionless: bool,
 ) -> dict[str, _Task]:
     for name, values in (("rays", rays), ("angles", angles), ("axes", axes)):
         if not values:
@@ -114,42 +92,38 @@ def _tasks(
                 raise InputError(f"{name}: {value!r} must be positive and finite")
     if not scenario.compliance.complying:
         raise InputError("compliance.complying = []: no compliance, nothing to study")
-    tasks = [
-        _Task(
-            scenario=scenario,
-            axis=axis,
-            alpha_rad=float(alpha),
-            ratio_per_s=float(ray),
-            frictionless=frictionless,
-        )
-        for axis in axes
-        for alpha in angles
-        for ray in rays
-    ]
-    # Refuses here, and not in a process, an axis that is off and an angle without room.
-    return {task.key: task for task in tasks}
+    found = {}
+    for axis, alpha, ray in itertools.product(axes, map(float, angles), map(float, rays)):
+        # Refuses here, and not in a process, an axis that is off and an angle without room.
+        held_at = held(scenario, axis, alpha, (1.0, ray))
+        # "True": also without friction, which was a choice when the first folders were written.
+        text = f"{held_at.to_toml()}True{TOLERANCE}{RATES_AT}"
+        key = hashlib.sha256(text.encode()).hexdigest()[:16]
+        found[key] = (key, scenario, axis, alpha, ray)
+    return found
 
 
-def work(task: _Task) -> Case:
+def work(
+    key: str, scenario: Scenario, axis: SingleAxis, alpha_rad: float, ratio_per_s: float
+) -> Case:
     """Predict and bisect one case."""
-    ray = RayLoop(task.scenario, task.axis, task.alpha_rad, task.ratio_per_s)
+    ray = RayLoop(scenario, axis, alpha_rad, ratio_per_s)
     predicted = ray.predict()
-    found = [
-        _bisected(ray, task.axis, predicted.sampled, friction=friction)
-        for friction in ((True, False) if task.frictionless else (True,))
-    ]
+    simulated, frictionless = (
+        _bisected(ray, axis, predicted.sampled, friction=friction) for friction in (True, False)
+    )
     return Case(
-        key=task.key,
-        axis=task.axis,
-        alpha_rad=task.alpha_rad,
-        ratio_per_s=task.ratio_per_s,
+        key=key,
+        axis=axis,
+        alpha_rad=alpha_rad,
+        ratio_per_s=ratio_per_s,
         paper_b=predicted.paper,
         delayed_b=predicted.delayed,
         sampled_b=predicted.sampled,
         sampled_hz=predicted.frequency_hz,
-        same_gains_hz=ray.mode(found[0].unstable_b).frequency_hz,
-        simulated=found[0],
-        frictionless=found[1] if task.frictionless else None,
+        same_gains_hz=ray.mode(simulated.unstable_b).frequency_hz,
+        simulated=simulated,
+        frictionless=frictionless,
     )
 
 
@@ -172,7 +146,7 @@ def _bisected(ray: RayLoop, axis: SingleAxis, guess: float, *, friction: bool) -
         Rate(
             b=part * onset,
             predicted_per_s=ray.mode(part * onset).growth_per_s,
-            simulated_per_s=_finite(found.growth_per_s),
+            simulated_per_s=finite(found.growth_per_s),
         )
         for part, found in zip(RATES_AT, after, strict=True)
     )
@@ -180,15 +154,11 @@ def _bisected(ray: RayLoop, axis: SingleAxis, guess: float, *, friction: bool) -
         b=onset,
         unstable_b=low,
         stable_b=high,
-        frequency_hz=_finite(seen[low].frequency_hz),
-        residual=_finite(after[-1].final),
+        frequency_hz=finite(seen[low].frequency_hz),
+        residual=finite(after[-1].final),
         rates=rates,
         runs=len(seen) + len(after),
     )
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def bracketed(

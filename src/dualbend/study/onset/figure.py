@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dualbend.errors import InputError
+from dualbend.report.figures import save
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.map import gain_units
 from dualbend.study.onset.prediction import RayLoop
 from dualbend.study.onset.results import Case, OnsetStudy
-from dualbend.study.picture import save
 
 _RAYS_PER_DECADE = 6
 _SHOWN_BELOW, _SHOWN_ABOVE = 8.0, 4.0
@@ -71,7 +71,6 @@ def _draw(
     panel.plot([], [], color=colour, label=f"{alpha:g} rad")
     for case in cases:
         panel.plot(case.simulated.b, case.ratio_per_s * case.simulated.b, "o", color=colour)
-        if case.frictionless is not None:
-            free = case.frictionless.b
-            at = (free, case.ratio_per_s * free)
-            panel.plot(*at, "o", color=colour, fillstyle="none", markersize=9)
+        free = case.frictionless.b
+        at = (free, case.ratio_per_s * free)
+        panel.plot(*at, "o", color=colour, fillstyle="none", markersize=9)

@@ -77,18 +77,12 @@ def held(
     step = part * disturbance(axis, alpha_rad)
     if not alpha_rad > 2.0 * step:
         raise InputError(f"angle {alpha_rad!r}: must be above {2.0 * step} rad")
-    given = scenario.compliance.x if axis == "x" else scenario.compliance.rotation
+    given: AxisConfig | None = getattr(scenario.compliance, axis)
     if given is None:
         raise InputError(f"compliance.{axis} is off: nothing to study")
-    moved: AxisConfig = msgspec.structs.replace(
-        given, b=b, k=k, from_alpha_rad=alpha_rad - step / 2.0
-    )
-    compliance = msgspec.structs.replace(
-        scenario.compliance,
-        x=moved if axis == "x" else None,
-        rotation=moved if axis == "rotation" else None,
-        tare=True,
-    )
+    moved = msgspec.structs.replace(given, b=b, k=k, from_alpha_rad=alpha_rad - step / 2.0)
+    alone = {"x": None, "rotation": None, axis: moved}
+    compliance = msgspec.structs.replace(scenario.compliance, **alone, tare=True)
     with refusing(f"angle {alpha_rad!r}"):
         path = ExactPathConfig(start_rad=alpha_rad - step, end_rad=alpha_rad)
     return msgspec.structs.replace(

@@ -12,8 +12,7 @@ from dualbend.errors import writing
 from dualbend.study.onset.results import Case, OnsetStudy
 from dualbend.table import Table, shown
 
-_ANALYSES = ("sampled", "delayed", "paper")
-_NAMES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}
+_ANALYSES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}
 
 
 def describe_case(case: Case) -> str:
@@ -47,14 +46,11 @@ def summary(found: OnsetStudy) -> str:
     lines = []
     for axis in dict.fromkeys(case.axis for case in found.cases):
         cases = [case for case in found.cases if case.axis == axis]
-        for analysis in _ANALYSES:
-            lines.append(
-                f"{axis}, {_NAMES[analysis]}: onset {_spread([c.error(analysis) for c in cases])}"
-            )
+        for analysis, name in _ANALYSES.items():
+            lines.append(f"{axis}, {name}: onset {_spread([c.error(analysis) for c in cases])}")
         lines.append(f"{axis}, frequency: {_spread([c.frequency_error for c in cases])}")
-        smooth = [c.sampled_b / c.frictionless.b - 1.0 for c in cases if c.frictionless is not None]
-        if smooth:
-            lines.append(f"{axis}, sampled, simulated without dry friction: {_spread(smooth)}")
+        smooth = [case.sampled_b / case.frictionless.b - 1.0 for case in cases]
+        lines.append(f"{axis}, sampled, simulated without dry friction: {_spread(smooth)}")
     errors = [case.error("sampled") for case in found.cases]
     frequencies = [case.frequency_error for case in found.cases]
     lines.append(f"all, sampled: onset {_spread(errors)}; frequency {_spread(frequencies)}")
@@ -102,7 +98,7 @@ def _cells(case: Case) -> tuple[object, ...]:
         f"{case.sampled_b:.4g} ({100 * case.error('sampled'):+.1f} %)",
         f"{case.delayed_b:.3g} ({100 * case.error('delayed'):+.0f} %)",
         f"{case.paper_b:.2g} ({100 * case.error('paper'):+.0f} %)",
-        case.frictionless.b if case.frictionless else None,
+        case.frictionless.b,
         f"{shown(case.simulated.frequency_hz, '.2f')} / {case.same_gains_hz:.2f}",
         growth,
         None if residual is None else f"{scale * residual:.2g} {unit}",

@@ -38,8 +38,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
 
     ``*_b``: onset by each analysis; ``sampled_hz``: of the sampled loop at its own onset,
     ``same_gains_hz``: with the gains at which the simulation oscillates; ``simulated``: with dry
-    friction, as the scenario runs; ``frictionless``: without that of the joints, null where it was
-    not asked for.
+    friction, as the scenario runs; ``frictionless``: without that of the joints.
     """
 
     key: str
@@ -52,7 +51,7 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
     sampled_hz: float
     same_gains_hz: float
     simulated: Simulated
-    frictionless: Simulated | None
+    frictionless: Simulated
 
     def error(self, analysis: str) -> float:
         """Return predicted over simulated onset, less 1; positive is an early warning."""

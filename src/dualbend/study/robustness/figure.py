@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from dualbend.report.figures import save
 from dualbend.scenario.scenario import Scenario
-from dualbend.study.picture import save
 from dualbend.study.robustness.summary import CONFIDENCE, success_interval
 from dualbend.study.robustness.trial import Trial
 from dualbend.task.assembly.draws import play

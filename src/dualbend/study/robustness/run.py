@@ -29,7 +29,7 @@ def run_study(
     *,
     runs: int,
     seed: int = 1,
-    workers: int = 2,
+    workers: int | None = None,
     run: RunTrial = run_one,
     on_run: Callable[[int, int, Trial | None], None] = lambda *_: None,
 ) -> list[Trial]:
@@ -39,23 +39,17 @@ def run_study(
     without compliance has only the trials without. ``run`` must be importable in another process;
     ``on_run`` as :meth:`dualbend.study.engine.Study.run` has it.
 
-    Raises
-    ------
-    InputError
-        The scenario has no assembly, or the folder is another study's or cannot be used.
-    DualbendError
-        A worker process died.
-    KeyboardInterrupt
-        Interrupted; the trials that were done are in the folder, and the same call goes on.
+    Raises InputError where the scenario has no assembly, or the folder is another study's or cannot
+    be used; DualbendError where a worker process died; KeyboardInterrupt where it is interrupted:
+    the trials that were done are in the folder, and the same call goes on.
     """
-    if runs < 1 or workers < 1:
-        raise InputError(f"runs = {runs}, workers = {workers}: both must be at least 1")
+    if runs < 1:
+        raise InputError(f"runs = {runs}: must be at least 1")
     study = Study(
         design=[(index, case) for index in range(runs) for case in cases(scenario)],
         task=lambda key: (scenario, seed, *key),
         run_one=run,
         key=lambda trial: (trial.index, trial.compliance),
-        summarise=list,
     )
     text = scenario.to_toml()
     kept = StudyFolder(
@@ -63,6 +57,5 @@ def run_study(
         row=Trial,
         study={"seed": seed, "versions": versions(), "scenario": text},
         files={SCENARIO: text},
-        row_name="trial",
     )
     return study.run(in_processes(workers), kept, on_run)

@@ -8,14 +8,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from scipy.stats import binomtest
 
 from dualbend.evaluation.metrics import versions
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.robustness.run import SCENARIO
-from dualbend.study.robustness.trial import Trial, settings, stated
+from dualbend.study.robustness.trial import Trial, settings
 from dualbend.table import Columns, Table, quantity
+from dualbend.task.assembly.config import assembly_of
 
 CONFIDENCE = 0.95
 NAMES = {True: "with", False: "without"}
@@ -46,6 +48,7 @@ def summarise(
     run that fails stops early, so that its peak is of what came before, and one that fails by the
     force on a pin is stopped a little above the limit.
     """
+    config = assembly_of(scenario)
     by_case = {
         name: [t for t in trials if t.compliance == case]
         for case, name in NAMES.items()
@@ -56,7 +59,8 @@ def summarise(
         "seed": seed,
         "draws": len({t.index for t in trials}),
         "confidence": CONFIDENCE,
-        **stated(scenario),
+        "spread": msgspec.to_builtins(config.spread),
+        "pin_force_limit_n": config.limits.pin_force_n,
         "versions": versions(),
         "compliance": {name: _case(of, folder) for name, of in by_case.items()},
         "pairs": _pairs(trials) if len(by_case) > 1 else None,

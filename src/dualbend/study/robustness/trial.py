@@ -1,13 +1,11 @@
 """One trial of a Monte Carlo study: a drawn assembly's run, and how it ended.
 
-Every draw is run with the compliance that the scenario gives and without any. All that the study
-knows of assemblies is here and in :mod:`dualbend.task.assembly.draws`.
+Every draw is run with the compliance that the scenario gives and without any.
 """
 
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -77,15 +75,6 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
 def cases(scenario: Scenario) -> tuple[bool, ...]:
     """Return the cases of each draw: with compliance, if the scenario has one, and without."""
     return (False,) if assembly_of(scenario).compliance is None else (True, False)
-
-
-def stated(scenario: Scenario) -> dict[str, Any]:
-    """Return what a summary repeats of the scenario: spread of the errors, limit of the force."""
-    config = assembly_of(scenario)
-    return {
-        "spread": msgspec.to_builtins(config.spread),
-        "pin_force_limit_n": config.limits.pin_force_n,
-    }
 
 
 def settings(trial: Trial) -> dict[str, str]:

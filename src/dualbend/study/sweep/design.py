@@ -53,37 +53,27 @@ def make_design(sweep: Sweep) -> Design:
     columns of a list have not as many values.
     """
     sample = sweep.sample
-    count = _count(sweep)
-    if count > MOST_RUNS:
-        raise InputError(f"{sweep.source}: {count} runs; the most are {MOST_RUNS}")
-    make = {"grid": _grid, "list": _list, "random": _random, "sobol": _sobol}[sample.kind]
-    seeds = [_seed(sample.seed, i) for i in range(count)] if sample.noise == "each" else []
+    rows = _combined(sweep) if sample.n is None else _sampled(sweep, sample.n)
+    seeds = [_seed(sample.seed, i) for i in range(len(rows))] if sample.noise == "each" else []
     if seeds and "seed" in sweep.keys:
         raise InputError(f'{sweep.source}: keys.seed: sample.noise = "each" gives it as well')
-    return Design(names=tuple(sweep.keys), rows=make(sweep), seeds=seeds)
+    return Design(names=tuple(sweep.keys), rows=rows, seeds=seeds)
 
 
-def _count(sweep: Sweep) -> int:
-    sample = sweep.sample
-    if sample.n is None:
-        lengths = {name: len(_levels(sweep, name)) for name in sweep.keys}
-        if sample.kind == "grid":
-            return math.prod(lengths.values())
+def _combined(sweep: Sweep) -> list[tuple[Any, ...]]:
+    """Return the runs of a grid or a list, whose file has no distributions."""
+    levels = {
+        name: _of_kind(name, spec.levels())
+        for name, spec in sweep.keys.items()
+        if isinstance(spec, Values | Range)
+    }
+    lengths = {name: len(values) for name, values in levels.items()}
+    if sweep.sample.kind == "list":
         if len(set(lengths.values())) > 1:
             said = ", ".join(f"{name} {length}" for name, length in lengths.items())
             raise InputError(f"{sweep.source}: a list's keys need as many values each: {said}")
-        return next(iter(lengths.values()))
-    return sample.n * (len(sweep.keys) + 2) if sample.sensitivity else sample.n
-
-
-def _levels(sweep: Sweep, name: str) -> list[Any]:
-    spec = sweep.keys[name]
-    assert isinstance(spec, Values | Range)
-    return _of_kind(name, spec.levels())
-
-
-def _grid(sweep: Sweep) -> list[tuple[Any, ...]]:
-    levels = {name: _levels(sweep, name) for name in sweep.keys}
+        return list(zip(*levels.values(), strict=True))
+    _refuse_too_many(sweep, math.prod(lengths.values()))
     for name, values in levels.items():
         texts = Counter(map(toml, values))
         twice = [text for text, count in texts.items() if count > 1]
@@ -92,22 +82,25 @@ def _grid(sweep: Sweep) -> list[tuple[Any, ...]]:
     return list(itertools.product(*levels.values()))
 
 
-def _list(sweep: Sweep) -> list[tuple[Any, ...]]:
-    return list(zip(*(_levels(sweep, name) for name in sweep.keys), strict=True))
+def _refuse_too_many(sweep: Sweep, count: int) -> None:
+    if count > MOST_RUNS:
+        raise InputError(f"{sweep.source}: {count} runs; the most are {MOST_RUNS}")
 
 
-def _random(sweep: Sweep) -> list[tuple[Any, ...]]:
-    rng = np.random.default_rng(sweep.sample.seed)
-    return _made(sweep, rng.random((sweep.sample.n or 0, len(sweep.keys))))
-
-
-def _sobol(sweep: Sweep) -> list[tuple[Any, ...]]:
-    sample, d, n = sweep.sample, len(sweep.keys), sweep.sample.n or 0
-    # 64 bits, or a key's value could repeat in long sequences.
+def _sampled(sweep: Sweep, n: int) -> list[tuple[Any, ...]]:
+    """Return the runs of a random or a Sobol sample."""
+    sample, d = sweep.sample, len(sweep.keys)
+    _refuse_too_many(sweep, n * (d + 2) if sample.sensitivity else n)
     rng = np.random.default_rng(sample.seed)
-    engine = qmc.Sobol(2 * d if sample.sensitivity else d, bits=64, seed=rng)
-    u = engine.random(n)
-    return _made(sweep, saltelli(u[:, :d], u[:, d:]) if sample.sensitivity else u)
+    if sample.kind == "random":
+        u = rng.random((n, d))
+    else:
+        # 64 bits, or a key's value could repeat in long sequences.
+        u = qmc.Sobol(2 * d if sample.sensitivity else d, bits=64, seed=rng).random(n)
+    if sample.sensitivity:
+        u = saltelli(u[:, :d], u[:, d:])
+    drawn_of = ((name, drawn(spec, u[:, i])) for i, (name, spec) in enumerate(sweep.keys.items()))
+    return list(zip(*(_of_kind(name, values) for name, values in drawn_of), strict=True))
 
 
 def saltelli(a: Vector, b: Vector) -> Vector:
@@ -118,13 +111,6 @@ def saltelli(a: Vector, b: Vector) -> Vector:
         ab[:, i] = b[:, i]
         crossed.append(ab)
     return np.concatenate([a, b, *crossed])
-
-
-def _made(sweep: Sweep, u: Vector) -> list[tuple[Any, ...]]:
-    columns = (
-        _of_kind(name, drawn(spec, u[:, i])) for i, (name, spec) in enumerate(sweep.keys.items())
-    )
-    return list(zip(*columns, strict=True))
 
 
 def _of_kind(name: str, values: list[Any]) -> list[Any]:

@@ -11,7 +11,8 @@ import pyarrow as pa
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dualbend.study.picture import save
+from dualbend.report.figures import save
+from dualbend.report.plot import Axis
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
 from dualbend.study.sweep.sensitivity import CONFIDENCE, Sensitivity
@@ -48,8 +49,8 @@ def plot_heat_map(sweep: Sweep, design: Design, table: pa.Table, metric: str, pa
         every = -(-shape[i] // _MOST_TICKS)
         ticks = range(0, shape[i], every)
         axis.set_ticks(list(ticks), [_short(design, i, levels[i][k]) for k in ticks])
-        axis.set_label_text(_with_unit(name, key_unit(name)))
-    figure.colorbar(drawn, ax=axes, label=_with_unit(metric, unit_of(table, metric)))
+        axis.set_label_text(Axis(name, key_unit(name)).text)
+    figure.colorbar(drawn, ax=axes, label=Axis(metric, unit_of(table, metric)).text)
     crossed = "; ×: did not complete" if x.size else ""
     axes.set_title(f"{sweep.name}: {metric}{crossed}", loc="left", fontsize="medium")
     save(figure, path)
@@ -74,11 +75,14 @@ def plot_sensitivity(
     panels = figure.subplots(len(drawn), 1, squeeze=False, sharex=True)[:, 0]
     at = np.arange(len(design.names))[::-1]
     for axes, one in zip(panels, drawn, strict=True):
-        for label, value, ends, side, colour in (
-            ("first: the key alone", one.first, one.first_interval, 0.18, "tab:blue"),
-            ("total: with the others", one.total, one.total_interval, -0.18, "tab:orange"),
+        for k, (label, side, colour) in enumerate(
+            (
+                ("first: the key alone", 0.18, "tab:blue"),
+                ("total: with the others", -0.18, "tab:orange"),
+            )
         ):
-            spread = np.maximum(np.abs(ends - value), 0.0)
+            value = one.indices[k]
+            spread = np.abs(one.ends[:, k] - value)
             axes.barh(at + side, value, 0.34, color=colour, label=label)
             axes.errorbar(value, at + side, xerr=spread, fmt="none", ecolor="0.2", capsize=3)
         axes.set_yticks(at, design.names)
@@ -101,7 +105,3 @@ def _short(design: Design, i: int, text: str) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return f"{value:.4g}"
     return text if len(text) < 20 else f"{text[:18]}…"
-
-
-def _with_unit(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit not in {"", "1"} else name

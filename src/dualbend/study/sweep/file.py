@@ -18,7 +18,7 @@ from dualbend.errors import InputError, refusing
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_renamed
 from dualbend.scenario.keys import Key
 from dualbend.scenario.load import parse_toml, read_scenario, resolve_scenario
-from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.scenario import Scenario, without_none
 from dualbend.scenario.toml_text import toml
 from dualbend.study.sweep.keys import (
     Normal,
@@ -114,14 +114,8 @@ class Sweep:
         if all_of_it:
             said |= {"name": self.name, "description": self.config.description}
             said["metrics"] = list(self.config.metrics)
-        sample = msgspec.to_builtins(self.sample)
-        said["set"] = self.config.settings
-        said["sample"] = {key: value for key, value in sample.items() if value is not None}
-        said["keys"] = {
-            name: {k: v for k, v in msgspec.to_builtins(spec).items() if v is not None}
-            for name, spec in self.keys.items()
-        }
-        return tomli_w.dumps(said)
+        said |= {"set": self.config.settings, "sample": self.sample, "keys": self.keys}
+        return tomli_w.dumps(without_none(msgspec.to_builtins(said)))
 
     def scenario_toml(self) -> str:
         """Return the scenario as it was written, with those that it extends."""

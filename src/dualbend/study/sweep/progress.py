@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import TextIO
 
-from dualbend.study.sweep.row import RunRow
+from dualbend.study.sweep.run import RunRow
 
 _EVERY_S = 30.0
 """Where there is no terminal, a line this often: a log is not to be flooded."""
@@ -17,12 +17,7 @@ _EVERY_S = 30.0
 class Progress:
     """Writes one line that changes on a terminal, or a line now and then into a log.
 
-    Parameters
-    ----------
-    stream
-        Where to; standard error if not given.
-    clock
-        Seconds that never run backwards.
+    ``stream``: where to, standard error if None; ``clock``: seconds that never run backwards.
     """
 
     def __init__(

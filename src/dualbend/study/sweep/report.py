@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
-from dualbend.study.sweep.row import RunRow
+from dualbend.study.sweep.run import RunRow
 from dualbend.study.sweep.sensitivity import CONFIDENCE, Sensitivity, sensitivities
 from dualbend.study.sweep.table import make_table, numbers, shown_metrics, unit_of, write_table
 from dualbend.table import Columns, Table, quantity
@@ -112,6 +112,6 @@ def _sensitivity_lines(
 
 def _index_rows(design: Design, one: Sensitivity) -> Iterator[tuple[object, ...]]:
     for i, name in enumerate(design.names):
-        (a, b), (c, d) = one.first_interval[:, i], one.total_interval[:, i]
-        first = (one.first[i], f"({a:.2f},{b:6.2f})")
-        yield one.metric, name, *first, one.total[i], f"({c:.2f},{d:6.2f})"
+        (a, c), (b, d) = one.ends[:, :, i]
+        first, total = one.indices[:, i]
+        yield one.metric, name, first, f"({a:.2f},{b:6.2f})", total, f"({c:.2f},{d:6.2f})"

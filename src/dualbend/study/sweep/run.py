@@ -1,4 +1,4 @@
-"""A sweep as a study: its runs and the folder that they are kept in.
+"""A sweep as a study: its runs, what became of each, and the folder that they are kept in.
 
 The folder holds the sweep and its scenario, complete (``sweep.toml``, ``scenario.toml``), what
 :mod:`dualbend.study.folder` keeps, and ``table.parquet``.
@@ -11,17 +11,48 @@ from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
+import msgspec
+
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import versions
+from dualbend.run.make import make_run
+from dualbend.run.record import Metric
 from dualbend.scenario.scenario import Scenario
-from dualbend.study.ending import RAISED
+from dualbend.study.ending import RAISED, metrics_of, outcome_of, result_of
 from dualbend.study.engine import Place, Study
 from dualbend.study.folder import StudyFolder
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import SCENARIO, SWEEP, Sweep
-from dualbend.study.sweep.row import RunRow, run_row, task
+
+
+class RunRow(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of a run: no metrics where it was refused or broke; none of the machine."""
+
+    index: int
+    outcome: str
+    reason: str = ""
+    metrics: dict[str, Metric] = {}
+
 
 RunOne: TypeAlias = Callable[[int, Scenario], RunRow]
+
+
+def run_row(index: int, scenario: Scenario) -> RunRow:
+    """Run a scenario here; one that is refused or raises is a row as well.
+
+    Raises KeyboardInterrupt where the user ended it: half a run is no result.
+    """
+    try:
+        result = result_of(make_run(scenario))
+        metrics = metrics_of(result)
+    except Exception as error:  # one bad run must not end the sweep
+        return _without_result(index, error)
+    return RunRow(index=index, outcome=result.outcome, reason=result.reason, metrics=metrics)
+
+
+def _without_result(index: int, error: Exception) -> RunRow:
+    outcome, reason = outcome_of(error)
+    return RunRow(index=index, outcome=outcome, reason=reason)
 
 
 def run_sweep(
@@ -35,28 +66,17 @@ def run_sweep(
 ) -> list[RunRow]:
     """Make the runs that the folder does not have yet; return all, by index.
 
-    ``on_run`` as :meth:`dualbend.study.engine.Study.run` has it.
-
-    Raises
-    ------
-    InputError
-        The folder is another sweep's or cannot be used; or every run's scenario is refused.
-    KeyboardInterrupt
-        Interrupted; the runs that were done are in the folder, and the same call goes on.
+    ``on_run`` as :meth:`dualbend.study.engine.Study.run` has it. Raises InputError where the folder
+    is another sweep's or cannot be used, or every run's scenario is refused; KeyboardInterrupt
+    where it is interrupted: the runs that were done are in the folder, and the same call goes on.
     """
     _refuse_hopeless(sweep, design)
     text, complete = sweep.scenario_toml(), sweep.to_toml()
-
-    def finish(rows: list[RunRow]) -> list[RunRow]:
-        (folder / SWEEP).write_text(complete, encoding="utf-8")  # its metrics may be others
-        return rows
-
     study = Study(
         design=range(len(design.rows)),
-        task=partial(task, sweep, design),
+        task=partial(_task, sweep, design),
         run_one=run,
         key=lambda row: row.index,
-        summarise=finish,
         lost=lambda index, reason: RunRow(index=index, outcome=RAISED, reason=reason),
     )
     kept = StudyFolder(
@@ -64,18 +84,26 @@ def run_sweep(
         row=RunRow,
         study={"versions": versions(), "scenario": text, "sweep": sweep.to_toml(all_of_it=False)},
         files={SCENARIO: text, SWEEP: complete},
-        name="sweep",
     )
-    return study.run(place, kept, on_run)
+    rows = study.run(place, kept, on_run)
+    (folder / SWEEP).write_text(complete, encoding="utf-8")  # its metrics may be others
+    return rows
+
+
+def _task(sweep: Sweep, design: Design, index: int) -> tuple[int, Scenario] | RunRow:
+    """Return a run's number and scenario, or the row of one that is refused."""
+    try:
+        return index, sweep.resolve(design.settings(index), design.seed(index))
+    except InputError as error:
+        return _without_result(index, error)
 
 
 def _refuse_hopeless(sweep: Sweep, design: Design) -> None:
     """Refuse a sweep, before it has a folder, none of whose scenarios can be loaded."""
-    first = None
+    reasons = []
     for index in range(len(design.rows)):
-        found = task(sweep, design, index)
+        found = _task(sweep, design, index)
         if not isinstance(found, RunRow):
             return
-        first = first or found
-    reason = "" if first is None else first.reason
-    raise InputError(f"{sweep.source}: all {len(design.rows)} runs are refused; run 0: {reason}")
+        reasons.append(found.reason)
+    raise InputError(f"{sweep.source}: all {len(reasons)} runs are refused; run 0: {reasons[0]}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
@@ -18,23 +18,17 @@ from dualbend.types import Vector
 CONFIDENCE, _RESAMPLES = 0.95, 400
 
 
-def _nothing() -> Vector:
-    return np.empty(0)
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Sensitivity:
-    """One metric's indices, an entry a key (d,), with the ends of their intervals (2, d).
+    """One metric's indices of each key (2, d), and the ends of their intervals (2, 2, d).
 
-    ``first``: share of the variance that the key alone makes, V(E(Y|x_i))/V(Y). ``total``: share
-    that it has a part in, 1 − V(E(Y|x_~i))/V(Y). ``why``: why there are none, else empty.
+    Row 0, first: share of the variance that the key alone makes, V(E(Y|x_i))/V(Y). Row 1, total:
+    share that it has a part in, 1 − V(E(Y|x_~i))/V(Y). ``why``: why there are none, else empty.
     """
 
     metric: str
-    first: Vector = field(default_factory=_nothing)
-    total: Vector = field(default_factory=_nothing)
-    first_interval: Vector = field(default_factory=_nothing)
-    total_interval: Vector = field(default_factory=_nothing)
+    indices: Vector
+    ends: Vector
     why: str = ""
 
 
@@ -51,34 +45,26 @@ def sensitivities(
 
 
 def _indices(name: str, y: Vector, n: int, d: int) -> Sensitivity:
-    if not np.isfinite(y).all():
-        missing = np.count_nonzero(~np.isfinite(y))
-        return Sensitivity(metric=name, why=f"{missing} of {y.size} runs have no value")
-    if np.ptp(y) <= 1e-12 * np.abs(y).max():
-        return Sensitivity(metric=name, why="it does not vary")
+    missing = np.count_nonzero(~np.isfinite(y))
+    why = f"{missing} of {y.size} runs have no value" if missing else ""
+    if not why and np.ptp(y) <= 1e-12 * np.abs(y).max():
+        why = "it does not vary"
+    if why:
+        return Sensitivity(name, np.empty((2, 0)), np.empty((2, 2, 0)), why)
     f_a, f_b, f_ab = y[:n], y[n : 2 * n], y[2 * n :].reshape(d, n)
-    first, total = _estimate(f_a, f_b, f_ab)
     # Rows of the design, resampled; the same ones on every call.
-    rng = np.random.default_rng(0)
-    draws = rng.integers(n, size=(_RESAMPLES, n))
+    draws = np.random.default_rng(0).integers(n, size=(_RESAMPLES, n))
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # a draw without variance
         again = np.array([_estimate(f_a[i], f_b[i], f_ab[:, i]) for i in draws])
         tail = 50.0 * (1.0 - CONFIDENCE)
         ends = np.nanpercentile(again, [tail, 100.0 - tail], axis=0)
-    return Sensitivity(
-        metric=name,
-        first=first,
-        total=total,
-        first_interval=ends[:, 0],
-        total_interval=ends[:, 1],
-    )
+    return Sensitivity(name, _estimate(f_a, f_b, f_ab), ends)
 
 
-def _estimate(f_a: Vector, f_b: Vector, f_ab: Vector) -> tuple[Vector, Vector]:
-    """Return first and total indices (d,) of samples (n,), (n,) and (d, n)."""
+def _estimate(f_a: Vector, f_b: Vector, f_ab: Vector) -> Vector:
+    """Return first and total indices (2, d) of samples (n,), (n,) and (d, n)."""
     found = sobol_indices(
         func={"f_A": f_a[None, :], "f_B": f_b[None, :], "f_AB": f_ab[:, None, :]}, n=f_a.size
     )
-    d = f_ab.shape[0]
-    return np.reshape(found.first_order, d), np.reshape(found.total_order, d)
+    return np.reshape([found.first_order, found.total_order], (2, -1))

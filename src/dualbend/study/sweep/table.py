@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +13,11 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dualbend.errors import InputError, writing
-from dualbend.evaluation.metrics import versions
-from dualbend.run.record import Metric
+from dualbend.evaluation.metrics import side_by_side, versions
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
 from dualbend.study.sweep.keys import known_keys
-from dualbend.study.sweep.row import RunRow
+from dualbend.study.sweep.run import RunRow
 
 TABLE = "table.parquet"
 KEY, METRIC = "key", "metric"
@@ -35,19 +34,14 @@ def make_table(sweep: Sweep, design: Design, rows: Sequence[RunRow]) -> pa.Table
     numbers nor words are written as JSON.
     """
     columns = [("index", "", "index", pa.array([row.index for row in rows], pa.int64()))]
-    for i, name in enumerate(design.names):
-        values = [values[i] for values in design.rows]
+    for name, values in zip(design.names, zip(*design.rows, strict=True), strict=True):
         columns.append((name, key_unit(name), KEY, _typed(values)))
     if design.seeds:
         columns.append(("seed", "", "seed", pa.array(design.seeds, pa.int64())))
-    for name, texts in (
-        ("outcome", [row.outcome for row in rows]),
-        ("reason", [row.reason for row in rows]),
-    ):
-        columns.append((name, "", name, pa.array(texts, pa.string())))
-    numbers = [_flat(row.metrics) for row in rows]
-    for name, unit in _metric_names(rows).items():
-        found = [of.get(name) for of in numbers]
+    for name in ("outcome", "reason"):
+        texts = pa.array([getattr(row, name) for row in rows], pa.string())
+        columns.append((name, "", name, texts))
+    for (name, unit), found in side_by_side([row.metrics for row in rows]).items():
         columns.append((name, unit, METRIC, pa.array(found, pa.float64())))
     fields = [
         pa.field(name, array.type, metadata={"unit": unit, "role": role})
@@ -78,14 +72,9 @@ def unit_of(table: pa.Table, name: str) -> str:
     return str(table.schema.field(name).metadata[b"unit"].decode())
 
 
-def metric_names(table: pa.Table) -> list[str]:
-    """Return the columns that are metrics."""
-    return [f.name for f in table.schema if f.metadata[b"role"] == METRIC.encode()]
-
-
 def shown_metrics(sweep: Sweep, table: pa.Table) -> list[str]:
     """Return the metrics that the sweep's file names, else a few; InputError where it has none."""
-    have = metric_names(table)
+    have = [f.name for f in table.schema if f.metadata[b"role"] == METRIC.encode()]
     wanted = sweep.config.metrics
     for name in wanted:
         if have and name not in have:
@@ -95,12 +84,10 @@ def shown_metrics(sweep: Sweep, table: pa.Table) -> list[str]:
 
 def numbers(table: pa.Table, name: str) -> NDArray[np.float64]:
     """Return a column of numbers (runs,), NaN where there is none."""
-    return np.array(
-        [np.nan if v is None else v for v in table.column(name).to_pylist()], dtype=np.float64
-    )
+    return np.asarray(table.column(name).to_numpy(), dtype=np.float64)
 
 
-def _typed(values: list[Any]) -> pa.Array:
+def _typed(values: Sequence[Any]) -> pa.Array:
     """Return a column of one kind: all are numbers, or words, or else JSON."""
     for kinds, arrow in (
         ((bool,), pa.bool_()),
@@ -114,30 +101,3 @@ def _typed(values: list[Any]) -> pa.Array:
             except (OverflowError, pa.ArrowInvalid):  # a whole number that is too long
                 continue
     return pa.array([json.dumps(value, sort_keys=True) for value in values], pa.string())
-
-
-def _flat(metrics: Mapping[str, Metric]) -> dict[str, float | None]:
-    found: dict[str, float | None] = {}
-    for name, metric in metrics.items():
-        if isinstance(metric.value, list):
-            found |= {f"{name}[{i}]": value for i, value in enumerate(metric.value)}
-        else:
-            found[name] = metric.value
-    return found
-
-
-def _metric_names(rows: Sequence[RunRow]) -> dict[str, str]:
-    """Return every run's metrics with their units, those of one list beside each other."""
-    lengths: dict[str, tuple[str, int | None]] = {}
-    for row in rows:
-        for name, metric in row.metrics.items():
-            if isinstance(metric.value, list):
-                longest = max(len(metric.value), lengths.get(name, ("", 0))[1] or 0)
-                lengths[name] = (metric.unit, longest)
-            else:
-                lengths.setdefault(name, (metric.unit, None))
-    return {
-        f"{name}[{i}]" if longest is not None else name: unit
-        for name, (unit, longest) in lengths.items()
-        for i in range(1 if longest is None else longest)
-    }
