@@ -1,5 +1,7 @@
 """The PUMA 560 and gripper models against Lagrange's equations and plain statics."""
 
+import math
+
 import mujoco
 import numpy as np
 import pytest
@@ -18,6 +20,10 @@ PUMA = arm_model("puma560")
 TABLE = dh.puma()
 LIMITS = np.array([link.range_rad for link in dh.PUMA560])
 ARMATURE = np.diag([link.armature_kg_m2 for link in dh.PUMA560])
+READY_RAD = (0.0, math.pi / 2, -math.pi / 2, 0.0, 0.0, 0.0)
+"""Pose qr of the Robotics Toolbox, the PUMA straight up."""
+WORKING_RAD = (0.0, math.radians(97.0), math.radians(-195.0), 0.0, math.radians(8.0), 0.0)
+"""Gripper horizontal along the base's x, grip at (0.5814, -0.15005, 0.3484) m."""
 TOOL_BODIES = ("hand", "jaw_upper", "jaw_lower")
 
 
@@ -189,20 +195,20 @@ def test_mass_of_the_first_link_is_neutral(model: mujoco.MjModel) -> None:
 
 
 def test_gravity_feed_forward_balances_the_arm_and_its_tool(armed: mujoco.MjModel) -> None:
-    q = np.array(arm.WORKING_RAD)
+    q = np.array(WORKING_RAD)
     data = settle(armed, q)
     # Analytic: with the whole weight fed forward the servo has nothing to do; rounding and the
     # solver's tolerance remain.
     np.testing.assert_allclose(data.qpos[:6], q, atol=1e-7)
 
 
-@pytest.mark.parametrize("pose", ["READY_RAD", "WORKING_RAD"])
+@pytest.mark.parametrize("pose", [READY_RAD, WORKING_RAD])
 def test_one_second_without_a_warning(
-    model: mujoco.MjModel, armed: mujoco.MjModel, pose: str
+    model: mujoco.MjModel, armed: mujoco.MjModel, pose: tuple[float, ...]
 ) -> None:
     for m in (model, armed):  # the first falls freely, the second is held
         data = mujoco.MjData(m)
-        data.qpos[:6] = getattr(arm, pose)
+        data.qpos[:6] = pose
         if m.nu:
             data.ctrl[:] = data.qpos[:6]
         while data.time < 1.0:
@@ -216,7 +222,7 @@ def test_one_second_without_a_warning(
 
 def test_working_pose(armed: mujoco.MjModel) -> None:
     data = mujoco.MjData(armed)
-    data.qpos[:6] = arm.WORKING_RAD
+    data.qpos[:6] = WORKING_RAD
     mujoco.mj_forward(armed, data)
     a2, a3, d3, d4 = 0.4318, 0.0203, 0.15005, 0.4318
     upper, fore = np.radians(97.0), np.radians(97.0 - 195.0)
@@ -236,7 +242,7 @@ def test_working_pose(armed: mujoco.MjModel) -> None:
 def test_grip_frame_tilts_down_when_joint_five_bends_down(armed: mujoco.MjModel) -> None:
     data = mujoco.MjData(armed)
     for alpha in (0.3, 1.0):
-        data.qpos[:6] = np.array(arm.WORKING_RAD) - [0, 0, 0, 0, alpha, 0]
+        data.qpos[:6] = np.array(WORKING_RAD) - [0, 0, 0, 0, alpha, 0]
         mujoco.mj_kinematics(armed, data)
         x_grip = data.site("g/grip").xmat.reshape(3, 3)[:, 0]
         # Analytic: G = rotation by +alpha about y, x_G = (cos, 0, -sin).
@@ -266,7 +272,7 @@ def test_lever_arm_and_parallel_axes(armed: mujoco.MjModel) -> None:
 
 def test_jaws_meet_at_the_grip_and_open_symmetrically(armed: mujoco.MjModel) -> None:
     data = mujoco.MjData(armed)
-    data.qpos[:6] = arm.WORKING_RAD
+    data.qpos[:6] = WORKING_RAD
     for opening in (0.0, 0.004, 0.015):
         data.qpos[6:] = opening
         mujoco.mj_kinematics(armed, data)
@@ -282,7 +288,7 @@ def test_jaws_meet_at_the_grip_and_open_symmetrically(armed: mujoco.MjModel) -> 
 @pytest.mark.parametrize(
     "q",
     [
-        arm.WORKING_RAD,
+        WORKING_RAD,
         (0.0, 1.693, -3.403, 0.0, 1.0, 0.0),
         (0.5, 1.2, -2.4, 0.7, -0.6, 1.5),
         (-1.0, 1.5, -1.8, -0.5, 0.9, -2.0),
@@ -305,7 +311,7 @@ def test_sensor_at_rest_reads_minus_the_tool_weight(
 
 def test_sensor_reads_an_end_force_with_the_documented_sign(armed: mujoco.MjModel) -> None:
     data = mujoco.MjData(armed)
-    data.qpos[:6] = data.ctrl[:] = arm.WORKING_RAD
+    data.qpos[:6] = data.ctrl[:] = WORKING_RAD
     push = np.array([-20.0, 0.0, 5.0])  # a compressed sheet pushes the gripper outward
     hand = armed.body("g/hand").id
     for _ in range(1500):
@@ -333,7 +339,7 @@ def test_endpoint_compliance_is_how_far_the_servos_yield() -> None:
     servo.dof_frictionloss[:] = 0.0  # dry friction would hide the yield
     kq = np.array(PUMA.stiffness_n_m_per_rad)
     data, jacobian = mujoco.MjData(servo), np.zeros((3, servo.nv))
-    data.qpos[:6] = data.ctrl[:] = arm.WORKING_RAD
+    data.qpos[:6] = data.ctrl[:] = WORKING_RAD
     mujoco.mj_forward(servo, data)
     start = data.site("g/grip").xpos.copy()
     mujoco.mj_jacSite(servo, data, jacobian, None, servo.site("g/grip").id)

@@ -173,8 +173,13 @@ def test_every_load_is_the_slope_of_the_energy(
 
     def energy(where: np.ndarray) -> float:
         state = rod.solve_planar(EI, L, tuple(where[:3]), tuple(where[3:]), q, None, axial)
-        # energy_j counts heights from the left grip.
-        return state.energy_j + q * L * float(where[1])
+        # The elastic energy and the weight's; heights count from the left grip.
+        problem, u = state.problem, state.unknowns
+        base, f, clamps = problem.basis, problem.fields(u), problem.clamps
+        bending = u[:-2] @ u[:-2] + (clamps.slope_right - clamps.slope_left) ** 2
+        height = -(base.running @ (f.stretch * f.sin))
+        rest = 0.5 * problem.compliance * f.along**2 + problem.weight * height
+        return EI / L * float(0.5 * bending + base.weights @ rest) + q * L * float(where[1])
 
     state = rod.solve_planar(EI, L, tuple(place[:3]), tuple(place[3:]), q, None, axial)
     loads = np.array([*state.left, *state.right])

@@ -17,7 +17,8 @@ materials = st.builds(
     name=st.just("any"),
     young_pa=st.floats(1e9, 3e11),
     transverse_young_pa=st.floats(1e9, 3e11),
-    poisson_ratio=st.floats(0.0, 0.05),
+    # Between 0 and 1e-6 a product with t³ may lose its digits to underflow.
+    poisson_ratio=st.just(0.0) | st.floats(1e-6, 0.05),
     shear_pa=st.floats(1e8, 1e11),
     density_kg_per_m3=st.floats(500.0, 10000.0),
 )

@@ -169,31 +169,6 @@ def test_a_sheet_off_the_range_is_refused() -> None:
         shapes.hang(STRIP, 0.3).at(0.21)
 
 
-@pytest.mark.parametrize("tip", ["round", "taper"])
-def test_tip_is_a_half_sphere_or_a_cone(tip: str) -> None:
-    pins = PinsConfig(tip=tip, diameter_m=4e-3, height_m=8e-3, taper_length_m=4e-3)
-    heights = np.array([0.0, 4e-3, 7e-3, 8e-3, 8.1e-3])
-    # Analytic: 1 mm below the tip, √(r² − (r − 1 mm)²) of a sphere, r/3 + (2 r/3)/4 of a cone.
-    near = math.sqrt(4e-6 - 1e-6) if tip == "round" else 1e-3
-    end = 0.0 if tip == "round" else 2e-3 / 3
-    expected = [2e-3, 2e-3, near, end, -math.inf]
-    np.testing.assert_allclose(geometry.pin_radius(pins, heights), expected, atol=1e-18)
-
-
-def test_pin_overlaps_a_flat_hole_by_its_offset_less_half_the_clearance() -> None:
-    pins = PinsConfig(diameter_m=4e-3, height_m=8e-3)
-    flat = shapes.HolePose(0.1397, 1e-3, 0.0)
-    # Analytic: offset 0.3 mm, clearance 0.2 mm.
-    assert geometry.interference(flat, 0.14, 4.2e-3, 5e-4, pins) == pytest.approx(0.2e-3, abs=1e-15)
-    tilted = shapes.HolePose(0.1397, 1e-3, 0.1)
-    # Analytic: on the cylinder a tilted hole has half its free play.
-    play = geometry.hole_play(4.2e-3, 4e-3, 5e-4, 0.1)
-    overlap = geometry.interference(tilted, 0.14, 4.2e-3, 5e-4, pins)
-    assert overlap == pytest.approx(0.3e-3 - play / 2, abs=1e-15)
-    above = shapes.HolePose(0.1397, 9e-3, 0.0)
-    assert geometry.interference(above, 0.14, 4.2e-3, 5e-4, pins) == -math.inf
-
-
 @given(friction=st.floats(0.0, 2.0), slope=st.floats(0.0, 0.3))
 @seeded
 def test_round_tip_guides_where_it_is_steeper_than_friction(friction: float, slope: float) -> None:

@@ -17,7 +17,7 @@ from dualbend.beam._check import FloatArray
 from dualbend.errors import InputError
 from dualbend.planning import shape as planning_shape
 from dualbend.planning.layout import Layout
-from dualbend.planning.plan import AssemblyPlan, plan_assembly
+from dualbend.planning.plan import AssemblyPlan, plan_assembly, plan_summary
 from dualbend.scene.bed.config import HolePairConfig, HolesConfig, PinsConfig
 from support.sheets import STRIP
 
@@ -242,7 +242,7 @@ def test_plan_is_consistent_in_itself() -> None:
     # Analytic: by construction, to the root's tolerance.
     assert found.bend_rad == pytest.approx(low + 0.25 * (high - low), rel=1e-12)
     assert found.outer_lift_m(low) == pytest.approx(1e-3, abs=1e-9)
-    assert found.outer_lift_m(found.unfolding.reach_rad) == pytest.approx(0.0, abs=1e-9)
+    assert found.outer_lift_m(found.range.reach_rad) == pytest.approx(0.0, abs=1e-9)
     assert found.middle_slack_m(high) == pytest.approx(0.0, abs=1e-9)
     # Analytic: flat, the middle holes are as far apart as their pins, and closer ever after.
     assert found.spacing_m(0.0) == pytest.approx(0.08, abs=1e-12)
@@ -251,34 +251,54 @@ def test_plan_is_consistent_in_itself() -> None:
 
 def test_path_of_the_grips_keeps_the_middle_and_carries_the_loads_of_the_reference() -> None:
     found = plan_assembly(STRIP, HOLES, PINS)
-    path = found.path
+    alphas = np.linspace(0.0, found.range.highest_rad, 49)
     assert found.grip(0.0) == pytest.approx((L / 2, 0.0), abs=1e-12)
-    x, z = found.grip(path.alpha_rad)
+    x, z = found.grip(alphas)
     # Analytic: half distance of the closed form; discretisation-limited: the table, 0.1 µm.
-    np.testing.assert_allclose(x, elastica.half_distance(path.alpha_rad, L), atol=1e-15)
-    np.testing.assert_allclose(z, path.rise_m, atol=1e-12)
+    np.testing.assert_allclose(x, elastica.half_distance(alphas, L), atol=1e-15)
     for i in (9, 24, 48):
-        reference = planning_shape.hang(STRIP, float(path.alpha_rad[i]))
-        assert path.rise_m[i] == pytest.approx(reference.rise_m, abs=1e-7)
-        assert path.end_force_n[i] == pytest.approx(reference.end_force_n, abs=1e-4)
-        assert path.end_moment_nm[i] == pytest.approx(reference.end_moment_nm, abs=1e-7)
+        alpha = float(alphas[i])
+        reference, told = planning_shape.hang(STRIP, alpha), plan_summary(found, alpha)
+        assert z[i] == pytest.approx(reference.rise_m, abs=1e-7)
+        assert told["end_force"][0] == pytest.approx(reference.end_force_n, abs=1e-4)
+        assert told["end_moment"][0] == pytest.approx(reference.end_moment_nm, abs=1e-7)
     taut = planning_shape.hang(STRIP, found.taut_rad)
     assert taut.end_force_n == pytest.approx(0.0, abs=1e-4)
     with pytest.raises(InputError, match="bending angle"):
         found.grip(found.range.highest_rad + 0.01)
 
 
+def overlap(found: AssemblyPlan, alpha: float) -> float:
+    """Return how far a round outer pin reaches beyond the outer wall of its hole [m]."""
+    layout, pins, s = found.layout, found.layout.pins, found.layout.holes.outer.along_m
+    pose, r = found.shape(alpha).at(s), pins.diameter_m / 2
+    sine, cosine = math.sin(pose.slope_rad), math.cos(pose.slope_rad)
+    normal = np.linspace(-T / 2, T / 2, 9)
+    wall = pose.x_m + layout.hole_m / 2 * cosine - normal * sine
+    below = pins.height_m - (T / 2 + pose.z_m + layout.hole_m / 2 * sine + normal * cosine)
+    tip = np.sqrt(np.clip(r * r - np.maximum(r - below, 0.0) ** 2, 0.0, None))
+    return float(np.max(np.where(below >= 0.0, s + tip - wall, -math.inf)))
+
+
 def test_outer_holes_come_down_within_reach_of_the_tips() -> None:
     found = plan_assembly(STRIP, HOLES, PINS)
-    down = found.unfolding
-    assert 0.0 < down.interference_rad < down.reach_rad < found.range.clear_rad
-    assert 0.0 < down.interference_m < down.offset_m < down.guide_m
-    # Analytic limit of small slopes: (L/2 − x) / (s₁ − X) = (L/2) / (s₁ − (L/2π) sin 2πs₁/L).
-    ratio = (L / 2) / (0.14 - L / (2 * math.pi) * math.sin(2 * math.pi * 0.14 / L))
-    free = plan_assembly(STRIP, HOLES, PINS, weight=False).unfolding
-    assert free.grip_shift_m / free.interference_m == pytest.approx(ratio, rel=2e-3)
+    told, reach = plan_summary(found, found.bend_rad), found.range.reach_rad
+    offset, guide = told["outer_offset_there"][0], told["tip_guides_up_to"][0]
+    alphas = np.linspace(0.0, reach, 1001)
+    pressed = [overlap(found, float(a)) for a in alphas]
+    worst = int(np.argmax(pressed))
+    assert 0.0 < alphas[worst] < reach < found.range.clear_rad
+    assert 0.0 < pressed[worst] < offset < guide
     # Golden: 0.313 mm off at the tips, of which the compliance has to take 0.037 mm.
-    assert (down.offset_m, down.interference_m) == pytest.approx((0.313e-3, 0.037e-3), abs=1e-6)
+    assert (offset, pressed[worst]) == pytest.approx((0.313e-3, 0.037e-3), abs=1e-6)
+
+
+def test_a_grip_moves_further_than_its_outer_hole_as_the_sheet_flattens() -> None:
+    low, high = (planning_shape.hang(STRIP, alpha, weight=False) for alpha in (0.05, 0.06))
+    ratio = (high.half_distance_m - low.half_distance_m) / (high.at(0.14).x_m - low.at(0.14).x_m)
+    # Analytic limit of small slopes: (L/2 − x) / (s₁ − X) = (L/2) / (s₁ − (L/2π) sin 2πs₁/L).
+    small = (L / 2) / (0.14 - L / (2 * math.pi) * math.sin(2 * math.pi * 0.14 / L))
+    assert ratio == pytest.approx(small, rel=2e-3)
 
 
 def test_yield_and_grippers_end_the_range() -> None:

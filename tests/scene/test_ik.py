@@ -1,6 +1,7 @@
 """Inverse kinematics: what it solves is what the kinematics of the arms say."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from dualbend.arm.mjcf import GRIP_SITE
 from dualbend.arm.model import scene_joints
-from dualbend.arm.pair import paper_pair
+from dualbend.arm.pair import ArmPair, paper_pair
 from dualbend.beam import elastica
 from dualbend.errors import InputError
 from dualbend.scene.cell import CellConfig, robots_only
@@ -24,7 +25,9 @@ from dualbend.types import SIDES
 
 Array = NDArray[np.float64]
 CELL = CellConfig()
-ARMS = paper_pair(base_distance_m=0.975)
+PUMA = paper_pair().left
+NEARER = replace(PUMA, placement=replace(PUMA.placement, base_distance_m=0.975))
+ARMS = ArmPair(left=NEARER, right=NEARER)
 HOME_RAD = ARMS.home
 LENGTH_M = 0.4
 

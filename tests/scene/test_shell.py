@@ -16,7 +16,6 @@ from dualbend.scene.sheet.shell import (
     column_arcs,
     hinges,
     membrane_form,
-    prepare_for_shell,
     row_places,
     row_shares,
     set_elasticity,
@@ -85,7 +84,6 @@ def test_a_cell_stores_the_energy_of_plane_stress(strain: tuple[float, float, fl
 def test_what_the_compiled_model_feels_is_what_was_written() -> None:
     spec = mujoco.MjSpec()
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
-    prepare_for_shell(spec)
     add_shell(spec, STRIP, CONFIG, np.zeros(3))
     model = spec.compile()
     set_elasticity(model, STRIP, CONFIG)

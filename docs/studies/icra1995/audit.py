@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from dualbend.errors import InputError
+from dualbend.errors import writing
 from icra1995 import findings_beam as beam
 from icra1995 import findings_filter as filters
 from icra1995 import findings_scan as figures
@@ -73,11 +73,8 @@ def run_scan(path: Path = TABLE, on_row: Callable[[ScanRow], None] | None = None
     Takes ten minutes. Raises InputError where the table cannot be written.
     """
     made = stamp()
-    try:
-        # Known before the minutes are spent, not after.
+    with writing(path):  # known before the minutes are spent, not after
         path.open("a", encoding="utf-8").close()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
     rows = scan(on_row=on_row)
     simulated = {reading: simulate(reading) for reading in select(rows)}
     path.write_text(to_csv(rows, simulated, made), encoding="utf-8")

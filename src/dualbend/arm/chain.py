@@ -21,7 +21,7 @@ _DAMPING = 1e-4
 """Of the damped least squares, over the squared length: bounds a step near a singular pose."""
 
 _LARGEST_STEP_RAD = 0.5
-_SOLVED, _STILL_RAD = 1e-9, 1e-6
+_SOLVED, _STILL_RAD, _SEED = 1e-9, 1e-6, 11
 _EYE = np.eye(3)
 
 
@@ -53,7 +53,7 @@ class SerialChain:
 
         ``q`` (b, n) [rad]; everything in the base frame.
         """
-        rotation = np.broadcast_to(np.eye(3), (len(q), 3, 3))
+        rotation = np.broadcast_to(_EYE, (len(q), 3, 3))
         place = np.zeros((len(q), 3))
         axes, points = np.empty((2, len(q), self.count, 3))
         for i in range(self.count):
@@ -84,10 +84,9 @@ class SerialChain:
             solved = bool(_miss(error).max() < _SOLVED)
             if solved and (posture is None or self.count <= 6):
                 break
-            square = jacobian @ jacobian.transpose(0, 2, 1) + _DAMPING * _miss(error)[
-                :, None, None
-            ] * np.eye(6)
-            inverse = jacobian.transpose(0, 2, 1) @ np.linalg.inv(square)
+            transposed = jacobian.transpose(0, 2, 1)
+            damping = _DAMPING * _miss(error)[:, None, None] * np.eye(6)
+            inverse = transposed @ np.linalg.inv(jacobian @ transposed + damping)
             step = (inverse @ error[..., None])[..., 0]
             if posture is not None and self.count > 6:
                 pull = posture - q
@@ -103,20 +102,12 @@ class SerialChain:
         found, grip, axes, points = self.forward(q)
         turn = rotation @ found.transpose(0, 2, 1)
         # The vector of a rotation from its skew part, well defined up to half a turn.
-        skew = 0.5 * np.stack(
-            (
-                turn[:, 2, 1] - turn[:, 1, 2],
-                turn[:, 0, 2] - turn[:, 2, 0],
-                turn[:, 1, 0] - turn[:, 0, 1],
-            ),
-            axis=1,
-        )
+        skew = 0.5 * (turn[:, [2, 0, 1], [1, 2, 0]] - turn[:, [1, 2, 0], [2, 0, 1]])
         sine = np.linalg.norm(skew, axis=1)
         cosine = 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0)
         angle = np.arctan2(sine, cosine)
-        error = np.concatenate(
-            ((place - grip) / self.length_m, skew * _ratio(angle, sine)[:, None]), axis=1
-        )
+        ratio = np.divide(angle, sine, out=np.ones_like(angle), where=sine >= 1e-9)
+        error = np.concatenate(((place - grip) / self.length_m, skew * ratio[:, None]), axis=1)
         return error, self.jacobian(grip, axes, points)
 
     @functools.cached_property
@@ -138,6 +129,18 @@ class SerialChain:
         _, grip, axes, points = self.forward(q)
         return volume(self.jacobian(grip, axes, points))
 
+    @functools.cached_property
+    def largest_manipulability(self) -> float:
+        """The largest of 4000 seeded configurations [-]."""
+        low, high = self.range_rad.T
+        q = np.random.default_rng(_SEED).uniform(low, high, (4000, self.count))
+        return float(self.manipulability(q).max())
+
+    def margins(self, q: Vector) -> Vector:
+        """Return how far every joint (..., n) is from its nearer limit [rad]."""
+        low, high = self.range_rad.T
+        return np.asarray(np.minimum(q - low, high - q))
+
 
 def volume(jacobian: Vector) -> Vector:
     """Return √det(J Jᵀ) (b,) of Jacobians (b, 6, n)."""
@@ -147,11 +150,6 @@ def volume(jacobian: Vector) -> Vector:
 
 def _miss(error: Vector) -> Vector:
     return np.asarray(np.linalg.norm(error, axis=1))
-
-
-def _ratio(angle: Vector, sine: Vector) -> Vector:
-    small = sine < 1e-9
-    return np.where(small, 1.0, angle / np.where(small, 1.0, sine))
 
 
 @functools.cache

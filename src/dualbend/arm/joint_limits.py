@@ -9,7 +9,6 @@ import numpy as np
 
 from dualbend.arm.chain import serial_chain
 from dualbend.arm.pair import ArmPair
-from dualbend.arm.placement import largest_manipulability
 from dualbend.types import SIDES, Vector
 
 
@@ -32,10 +31,10 @@ def joint_limit_margins(arms: ArmPair, q: Vector) -> dict[str, JointLimitMargins
     solved = q[~np.isnan(q).any(axis=1)]
     for side, placed in zip(SIDES, arms, strict=True):
         model, mine = placed.model, solved[:, arms.joints(side)]
-        low, high = np.array(model.range_rad).T
-        margins = np.minimum(mine - low, high - mine).min(axis=0, initial=math.inf)
+        chain = serial_chain(model.name)
+        margins = chain.margins(mine).min(axis=0, initial=math.inf)
         tight = int(np.argmin(margins))
-        share = serial_chain(model.name).manipulability(mine) / largest_manipulability(model.name)
+        share = chain.manipulability(mine) / chain.largest_manipulability
         some = len(mine) > 0
         found[side] = JointLimitMargins(
             arm=model.name,

@@ -41,10 +41,7 @@ class ColouredMesh:
 def read_mesh(file: Path) -> tuple[ColouredMesh, ...]:
     """Return the triangles of a file in its own frame; COLLADA coarsened, one mesh per colour.
 
-    Raises
-    ------
-    InputError
-        The file cannot be read, or holds no triangles.
+    Raises InputError where the file cannot be read, or holds no triangles.
     """
     import trimesh  # noqa: PLC0415  (an arm without mesh files does without)
 
@@ -56,18 +53,17 @@ def read_mesh(file: Path) -> tuple[ColouredMesh, ...]:
         if part.units is not None:
             part.convert_units("meters")
     if file.suffix.lower() in _PLAIN:
-        meshes = [_plain(part) for part in parts]
+        for part in parts:
+            part.merge_vertices()
+        meshes = [
+            ColouredMesh(vertices=part.vertices, faces=part.faces, rgba=None) for part in parts
+        ]
     else:
         meshes = [coarsened(corners, rgba) for rgba, corners in _by_colour(parts).items()]
     kept = tuple(mesh for mesh in meshes if len(mesh.faces) >= _FEWEST_FACES)
     if not kept:
         raise InputError(f"{file}: no triangles in the arm's mesh")
     return kept
-
-
-def _plain(part: trimesh.Trimesh) -> ColouredMesh:
-    part.merge_vertices()
-    return ColouredMesh(vertices=part.vertices, faces=part.faces, rgba=None)
 
 
 def _by_colour(parts: list[trimesh.Trimesh]) -> dict[tuple[float, ...], Vector]:
@@ -97,13 +93,7 @@ def coarsened(points: Vector, rgba: tuple[float, ...]) -> ColouredMesh:
 
 
 def add_shapes(spec: mujoco.MjSpec, *, looks: bool) -> None:
-    """Replace a parsed file's shapes by one capsule per link, which collides, and meshes to see.
-
-    Raises
-    ------
-    InputError
-        A mesh cannot be read.
-    """
+    """Replace a parsed file's shapes by one capsule per link, which collides, and meshes to see."""
     from_file, moved = spec.meshes, 0
     for body in spec.bodies[1:]:
         moved += len(body.joints)

@@ -1,6 +1,5 @@
 """The PUMA 560 and the gripper of every arm as MuJoCo specifications, and the names in them."""
 
-import math
 from typing import Final
 
 import mujoco
@@ -25,12 +24,6 @@ FT_SENSORS: Final = ("ft_force", "ft_torque")
 LEVER_ARM_M: Final = 0.120
 """Distance from `FT_SITE` to `GRIP_SITE` along x of both [m]."""
 
-READY_RAD: Final = (0.0, math.pi / 2, -math.pi / 2, 0.0, 0.0, 0.0)
-"""Pose qr of the Robotics Toolbox, the PUMA straight up [rad]."""
-
-WORKING_RAD: Final = (0.0, math.radians(97.0), math.radians(-195.0), 0.0, math.radians(8.0), 0.0)
-"""PUMA's gripper horizontal along the base's x, grip at (0.5814, -0.15005, 0.3484) m [rad]."""
-
 
 def load_puma() -> mujoco.MjSpec:
     """Return a fresh specification of one PUMA 560 without actuators or gripper.
@@ -38,7 +31,7 @@ def load_puma() -> mujoco.MjSpec:
     The frame of ``base`` is DH frame 0, on the shoulder axis; ``flange`` is where a tool attaches.
     Gravity compensation reaches the joints only in a model with at least one actuator.
     """
-    return _load("puma560")
+    return mujoco.MjSpec.from_file(str(models_dir() / "puma560" / "puma560.xml"))
 
 
 def load_gripper() -> mujoco.MjSpec:
@@ -46,7 +39,7 @@ def load_gripper() -> mujoco.MjSpec:
 
     Attach it with ``arm.attach(gripper, site="flange", prefix=...)``.
     """
-    return _load("gripper")
+    return mujoco.MjSpec.from_file(str(models_dir() / "gripper" / "gripper.xml"))
 
 
 def with_gripper(arm: mujoco.MjSpec) -> mujoco.MjSpec:
@@ -56,7 +49,3 @@ def with_gripper(arm: mujoco.MjSpec) -> mujoco.MjSpec:
     for jaw in JAW_JOINTS:
         arm.delete(arm.joint(f"tool_{jaw}"))
     return arm
-
-
-def _load(name: str) -> mujoco.MjSpec:
-    return mujoco.MjSpec.from_file(str(models_dir() / name / f"{name}.xml"))

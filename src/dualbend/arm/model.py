@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import mujoco
 import numpy as np
@@ -16,7 +16,6 @@ import numpy as np
 from dualbend.arm.catalog import PACKAGE, URDF_ARMS, ArmName
 from dualbend.arm.mjcf import load_puma, with_gripper
 from dualbend.arm.urdf import UrdfFile, package_folder
-from dualbend.types import Vector
 
 PUMA: Final = "puma560"
 """The arm of the paper, and the default."""
@@ -108,43 +107,25 @@ def scene_joints(count: int) -> tuple[str, ...]:
 
 @functools.cache
 def arm_model(name: ArmName) -> ArmModel:
-    """Return the arm of a name.
+    """Return the arm of a name: what its URDF holds, the rest from the facts beside it.
 
-    Raises
-    ------
-    InputError
-        The package that has the arm's files is not installed.
+    Raises InputError where the package with the arm's files is missing, or a file cannot be read.
     """
     if name == PUMA:
         return _puma()
     share, facts = package_folder(PACKAGE), URDF_ARMS[name]
-    return urdf_model(name, UrdfFile(file=share / "robots" / facts.file, share=share, facts=facts))
-
-
-def urdf_model(name: ArmName, urdf: UrdfFile) -> ArmModel:
-    """Return the arm of a file: what its URDF holds, the rest from the facts beside it.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is no chain of hinges with masses and limits.
-    """
-    arm, facts = urdf.read(looks=False), urdf.facts
-    joints = arm.spec.joints
+    urdf = UrdfFile(file=share / "robots" / facts.file, share=share, facts=facts)
+    arm = urdf.read(looks=False)
+    joints = _joints(arm.spec.compile())
     assumed = [f"rotor inertia {facts.armature_kg_m2:g} kg m² at every joint (no URDF has it)"]
-    if not any(joint.damping[0] or joint.frictionloss for joint in joints):
+    if not any((*joints["viscous_n_m_s_per_rad"], *joints["coulomb_n_m"])):
         assumed.append("no friction in the joints (the URDF gives none)")
     if facts.torque_limit_n_m is not None:
         assumed.append("torque limits of the manufacturer (the URDF has another arm's)")
     return ArmModel(
         name=name,
         joint_names=arm.joint_names,
-        range_rad=tuple((float(joint.range[0]), float(joint.range[1])) for joint in joints),
         speed_limit_rad_per_s=arm.speed_limit_rad_per_s,
-        torque_limit_n_m=tuple(float(joint.actfrcrange[1]) for joint in joints),
-        armature_kg_m2=(facts.armature_kg_m2,) * len(joints),
-        viscous_n_m_s_per_rad=tuple(float(joint.damping[0]) for joint in joints),
-        coulomb_n_m=tuple(float(joint.frictionloss) for joint in joints),
         stiffness_n_m_per_rad=rule_stiffness(arm.spec),
         payload_kg=facts.payload_kg,
         reach_m=facts.reach_m,
@@ -152,6 +133,7 @@ def urdf_model(name: ArmName, urdf: UrdfFile) -> ArmModel:
         grade=facts.grade,
         assumed=tuple(assumed),
         urdf=urdf,
+        **joints,
     )
 
 
@@ -181,17 +163,11 @@ def rule_stiffness(spec: mujoco.MjSpec) -> tuple[float, ...]:
 def _puma() -> ArmModel:
     """Return the PUMA 560: what its MJCF holds is read from there."""
     model = load_puma().compile()
-    force = model.jnt_actfrcrange[:, 1]
     return ArmModel(
         name=PUMA,
         joint_names=scene_joints(model.njnt),
-        range_rad=tuple((float(low), float(high)) for low, high in model.jnt_range),
         # Where the drive's voltage saturates; Corke (1996), Tables 2.18 and 2.21.
         speed_limit_rad_per_s=(1.92, 1.51, 2.40, 5.34, 5.09, 5.74),
-        torque_limit_n_m=_floats(force),
-        armature_kg_m2=_floats(model.dof_armature),
-        viscous_n_m_s_per_rad=_floats(model.dof_damping),
-        coulomb_n_m=_floats(model.dof_frictionloss),
         # Joints 1 to 3: (2π 20 Hz)² J, 20 Hz the upper end of a recalled first resonance of
         # 14-20 Hz and J = 2.88, 2.09, 0.36 kg m², what the published links have about each joint
         # at pose qn of the Robotics Toolbox (inferred). Joints 4 to 6 are assumed.
@@ -209,8 +185,16 @@ def _puma() -> ArmModel:
             # Elbow up, forearm down, hand level.
             home_rad=tuple(math.radians(a) for a in (0.0, 45.0, -180.0, 0.0, 45.0, 0.0)),
         ),
+        **_joints(model),
     )
 
 
-def _floats(values: Vector) -> tuple[float, ...]:
-    return tuple(float(value) for value in np.ravel(values))
+def _joints(model: mujoco.MjModel) -> dict[str, Any]:
+    """Return what a compiled arm says of its joints, by the fields of :class:`ArmModel`."""
+    return {
+        "range_rad": tuple(map(tuple, model.jnt_range.tolist())),
+        "torque_limit_n_m": tuple(model.jnt_actfrcrange[:, 1].tolist()),
+        "armature_kg_m2": tuple(model.dof_armature.ravel().tolist()),
+        "viscous_n_m_s_per_rad": tuple(model.dof_damping.ravel().tolist()),
+        "coulomb_n_m": tuple(model.dof_frictionloss.ravel().tolist()),
+    }

@@ -12,8 +12,6 @@ import numpy as np
 from dualbend.arm.model import PUMA, ArmModel, Placement, arm_model
 from dualbend.types import SIDES, Side, Vector
 
-_ARM_JOINT = re.compile(rf"({'|'.join(SIDES)})_joint\d+")
-
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedArm:
@@ -67,37 +65,28 @@ class ArmPair:
         """Default stiffness (n,) of the joints' servos [N m/rad]."""
         return np.concatenate([arm.model.stiffness_n_m_per_rad for arm in self])
 
+    def of(self, side: Side) -> PlacedArm:
+        """Return the arm of one side."""
+        return self.left if side == "left" else self.right
+
     def base_pose(self, side: Side) -> tuple[Vector, float]:
         """Return the base frame's origin (3,) [m] in the world and its yaw [rad]."""
-        placement = (self.left if side == "left" else self.right).placement
+        stand = self.of(side).placement
         sign, turn = (1.0, 0.0) if side == "left" else (-1.0, np.pi)
-        place = np.array(
-            [
-                -sign * placement.base_distance_m,
-                sign * placement.base_lateral_m,
-                placement.base_height_m,
-            ]
-        )
-        return place, turn + placement.base_yaw_rad
+        aside = [-sign * stand.base_distance_m, sign * stand.base_lateral_m]
+        return np.array([*aside, stand.base_height_m]), turn + stand.base_yaw_rad
 
 
-def paper_pair(base_distance_m: float | None = None) -> ArmPair:
+def paper_pair() -> ArmPair:
     """Return the paper's arms, two PUMA 560, on their documented stands."""
     model = arm_model(PUMA)
-    placement = model.placement
-    assert placement is not None
-    if base_distance_m is not None:
-        placement = Placement(**{**vars(placement), "base_distance_m": base_distance_m})
-    placed = PlacedArm(model=model, placement=placement)
+    assert model.placement is not None
+    placed = PlacedArm(model=model, placement=model.placement)
     return ArmPair(left=placed, right=placed)
 
 
 def arm_joints(model: mujoco.MjModel) -> tuple[str, ...]:
     """Return the names of the arms' joints in a compiled scene, left then right."""
     names = [model.joint(i).name for i in range(model.njnt)]
-    return tuple(name for side in SIDES for name in names if _side_of(name) == side)
-
-
-def _side_of(name: str) -> str | None:
-    match = _ARM_JOINT.fullmatch(name)
-    return None if match is None else match.group(1)
+    arms = [[name for name in names if re.fullmatch(rf"{side}_joint\d+", name)] for side in SIDES]
+    return (*arms[0], *arms[1])

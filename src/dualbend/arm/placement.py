@@ -8,15 +8,17 @@ tried at once on a grid, the best are followed along the path, the winner is ref
 from __future__ import annotations
 
 import functools
+import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.arm.catalog import ArmName
-from dualbend.arm.chain import SerialChain, serial_chain, volume
+from dualbend.arm.chain import serial_chain, volume
 from dualbend.arm.mjcf import with_gripper
 from dualbend.arm.model import Placement, arm_model
 from dualbend.errors import InputError
@@ -38,20 +40,6 @@ _STEPS, _TURN_STEP_RAD, _POSTURE_STEP_RAD, _ROUNDS = (0.08, 0.03, 0.01), np.pi /
 _KEYS = ("base_distance_m", "base_lateral_m", "base_height_m", "base_yaw_rad")
 
 
-@dataclass(frozen=True, kw_only=True)
-class FoundPlacement:
-    """A place, and how good it is along the path.
-
-    ``manipulability``: the smallest √det(J Jᵀ), over the largest of the arm [-]; ``margin_rad``:
-    the smallest joint-limit margin, of ``joint``.
-    """
-
-    placement: Placement
-    manipulability: float
-    margin_rad: float
-    joint: str
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Tried:
     """Places (b, 4) as ``_KEYS``, joint angles at the targets (b, k, n), what they are worth."""
@@ -59,76 +47,58 @@ class _Tried:
     base: Vector
     q: Vector
     score: Vector
-    manipulability: Vector
     margin: Vector
     miss: Vector
-    clear: NDArray[np.bool_]
 
-    def __getitem__(self, which: NDArray[np.intp]) -> _Tried:
+    def __getitem__(self, which: Sequence[int]) -> _Tried:
         return _Tried(**{name: value[which] for name, value in vars(self).items()})
 
 
-def find_placement(
-    name: ArmName, targets: Vector, given: dict[str, float | tuple[float, ...]]
-) -> FoundPlacement:
+def find_placement(name: ArmName, targets: Vector, given: Mapping[str, Any]) -> Placement:
     """Return the best place for the grip poses ``targets`` (k, 4, 4) in the arm's bending frame.
 
     What is ``given`` of a :class:`Placement` stays as it is. Deterministic, and remembered.
-
-    Raises
-    ------
-    InputError
-        No place lets the arm reach all poses with 5° of joint-limit margin, clear of itself, of the
-        floor and of the sheet; the message says what is missing.
+    Raises InputError, which says what is missing, where no place lets the arm reach all poses with
+    5° of joint-limit margin, clear of itself, of the floor and of the sheet.
     """
-    shape = tuple(targets.shape)
-    return _find(name, np.ascontiguousarray(targets).tobytes(), shape, tuple(given.items()))
+    return _find(name, targets.tobytes(), tuple(given.items()))
 
 
 @functools.lru_cache(maxsize=64)
-def _find(
-    name: ArmName,
-    poses: bytes,
-    shape: tuple[int, ...],
-    given: tuple[tuple[str, float | tuple[float, ...]], ...],
-) -> FoundPlacement:
-    return _Search(name, np.frombuffer(poses).reshape(shape), dict(given)).run()
+def _find(name: ArmName, poses: bytes, given: tuple[tuple[str, Any], ...]) -> Placement:
+    return _Search(name, np.frombuffer(poses).reshape(-1, 4, 4), dict(given)).run()
 
 
 class _Search:
-    def __init__(
-        self, name: ArmName, targets: Vector, given: dict[str, float | tuple[float, ...]]
-    ) -> None:
+    def __init__(self, name: ArmName, targets: Vector, given: Mapping[str, Any]) -> None:
         self._name, self._targets, self._given = name, targets, given
         self._chain = serial_chain(name)
         self._low, self._high = self._chain.range_rad.T
         self._half = 0.5 * (self._high - self._low)
-        self._best = largest_manipulability(name)
+        self._best = self._chain.largest_manipulability
         self._fixed = np.array([key in given for key in _KEYS])
         model = with_gripper(arm_model(name).spec(looks=False)).compile()
         self._model, self._data = model, mujoco.MjData(model)
 
-    def run(self) -> FoundPlacement:
+    def run(self) -> Placement:
         coarse = self._coarse()
         good = np.flatnonzero(coarse.score > 0.0)
         order = good[np.argsort(-coarse.score[good], kind="stable")]
-        found: _Tried | None = None
-        tried = 0
-        for index in order.tolist():
-            start = coarse[np.array([index])]
-            if self._touches_itself(start):
-                continue
-            refined = self._rounded(self._refine(start))
-            if refined.score[0] <= 0.0 or self._touches_itself(refined):
-                refined = self._rounded(start)
-            if refined.score[0] > 0.0 and (found is None or refined.score[0] > found.score[0]):
-                found = refined
-            tried += 1
-            if tried >= _REFINED:
-                break
-        if found is None:
+        free = (coarse[[i]] for i in order if not self._touches_itself(coarse[[i]]))
+        found = [self._refined(start) for start in itertools.islice(free, _REFINED)]
+        best = max(found, key=lambda one: float(one.score[0]), default=None)
+        if best is None or best.score[0] <= 0.0:
             raise InputError(self._refusal(coarse))
-        return self._report(found)
+        home = self._given.get("home_rad", tuple(best.q[0, 0].round(6).tolist()))
+        base = dict(zip(_KEYS, best.base[0].tolist(), strict=True))
+        return Placement(**base, home_rad=home)
+
+    def _refined(self, start: _Tried) -> _Tried:
+        """Return the refined place in whole millimetres, or the start where it is none."""
+        refined = self._rounded(self._refine(start))
+        if refined.score[0] <= 0.0 or self._touches_itself(refined):
+            return self._rounded(start)
+        return refined
 
     def _coarse(self) -> _Tried:
         """Return the most promising of all places and branches, followed along the path."""
@@ -156,31 +126,29 @@ class _Search:
 
     def _grid(self) -> Vector:
         reach, first = self._chain.length_m, self._targets[0, :3, 3]
-        axes: list[Vector] = [
+        axes = [
             -first[0] + _TOOL_M + reach * np.array(_DISTANCE),
             first[1] + reach * np.array(_LATERAL),
             np.unique(np.clip(first[2] + reach * np.array(_HEIGHT), 0.0, _HIGHEST_M)),
             np.zeros(1),
         ]
         axes = [
-            np.array([self._given[key]], dtype=np.float64) if fixed else axis
-            for key, axis, fixed in zip(_KEYS, axes, self._fixed, strict=True)
+            np.array([self._given[key]], dtype=np.float64) if key in self._given else axis
+            for key, axis in zip(_KEYS, axes, strict=True)
         ]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(_KEYS))
 
-    def _in_base(self, base: Vector, target: int) -> tuple[Vector, Vector]:
-        """Return rotation (b, 3, 3) and place (b, 3) of a target in the base frames."""
+    def _reach(
+        self, base: Vector, target: int, q: Vector, posture: Vector | None, iterations: int
+    ) -> tuple[Vector, Vector]:
+        """Solve for a target from configurations (b, n) on bases (b, 4), in the base frames."""
         pose = self._targets[target]
         c, s = np.cos(base[:, 3]), np.sin(base[:, 3])
         none, one = np.zeros(len(base)), np.ones(len(base))
         back = np.stack((c, s, none, -s, c, none, none, none, one), axis=1).reshape(-1, 3, 3)
         away = pose[:3, 3] - base[:, :3] * [-1.0, 1.0, 1.0]
-        return back @ pose[:3, :3], (back @ away[..., None])[..., 0]
-
-    def _reach(
-        self, base: Vector, target: int, q: Vector, posture: Vector | None, iterations: int
-    ) -> tuple[Vector, Vector]:
-        return self._chain.solve(*self._in_base(base, target), q, posture, iterations)
+        place = (back @ away[..., None])[..., 0]
+        return self._chain.solve(back @ pose[:3, :3], place, q, posture, iterations)
 
     def _follow(self, base: Vector, start: Vector) -> _Tried:
         """Go through all targets from configurations near the first; the first is the posture."""
@@ -197,27 +165,16 @@ class _Search:
         jacobian = self._chain.jacobian(grip, axes, points)
         manipulability = volume(jacobian).reshape(len(base), -1).min(axis=1)
         clear = self._clear(base, points.reshape(*every.shape, 3))
-        margin = self._margins(every).min(axis=(1, 2))
+        margin = self._chain.margins(every).min(axis=(1, 2))
         free = self._free(every).min(axis=(1, 2))
         worth = np.minimum(manipulability / self._best, free)
         allowed = (worst < _REACHED) & (margin >= MIN_MARGIN_RAD) & clear
-        return _Tried(
-            base=base,
-            q=every,
-            score=np.where(allowed, worth, 0.0),
-            manipulability=manipulability / self._best,
-            margin=margin,
-            miss=worst,
-            clear=clear,
-        )
-
-    def _margins(self, q: Vector) -> Vector:
-        """Return how far every joint (..., n) is from its nearer limit [rad]."""
-        return np.asarray(np.minimum(q - self._low, self._high - q))
+        score = np.where(allowed, worth, 0.0)
+        return _Tried(base=base, q=every, score=score, margin=margin, miss=worst)
 
     def _free(self, q: Vector) -> Vector:
         """Return the joint-limit margins (..., n) over half the range."""
-        return np.asarray(self._margins(q) / self._half)
+        return np.asarray(self._chain.margins(q) / self._half)
 
     def _clear(self, base: Vector, points: Vector) -> NDArray[np.bool_]:
         """Tell where no joint (b, k, n, 3) is near the floor, or beyond the grip at the sheet."""
@@ -261,38 +218,18 @@ class _Search:
                 best = int(np.argmax(around.score))
                 if around.score[best] < one.score[0] + 1e-4:
                     break
-                one = around[np.array([best])]
+                one = around[[best]]
         return one
 
     def _null(self, one: _Tried) -> Vector:
         """Return the motion (1, n) of a redundant arm that leaves the grip where it is."""
         _, grip, axes, points = self._chain.forward(one.q[:, 0])
-        _, _, directions = np.linalg.svd(self._chain.jacobian(grip, axes, points)[0])
-        return np.asarray(directions[6:7])
+        return np.asarray(np.linalg.svd(self._chain.jacobian(grip, axes, points)[0])[2][6:7])
 
     def _rounded(self, one: _Tried) -> _Tried:
         """Return the place in whole millimetres, as a scenario would have it."""
         base = np.where(self._fixed, one.base, one.base.round(3))
         return self._follow(base, one.q[:, 0])
-
-    def _report(self, one: _Tried) -> FoundPlacement:
-        distance, lateral, height, yaw = one.base[0].tolist()
-        margins = self._margins(one.q[0]).min(axis=0)
-        tight = int(np.argmin(margins))
-        home = self._given.get("home_rad", tuple(one.q[0, 0].round(6).tolist()))
-        assert isinstance(home, tuple)
-        return FoundPlacement(
-            placement=Placement(
-                base_distance_m=distance,
-                base_lateral_m=lateral,
-                base_height_m=height,
-                base_yaw_rad=yaw,
-                home_rad=home,
-            ),
-            manipulability=float(one.manipulability[0]),
-            margin_rad=float(margins[tight]),
-            joint=arm_model(self._name).joint_names[tight],
-        )
 
     def _refusal(self, tried: _Tried) -> str:
         arm = arm_model(self._name)
@@ -300,7 +237,7 @@ class _Search:
         reached = tried.miss < _REACHED
         if not reached.any():
             best = int(np.argmin(tried.miss))
-            stuck = self._margins(tried.q[best]).min(axis=0) < _REACHED
+            stuck = self._chain.margins(tried.q[best]).min(axis=0) < _REACHED
             at = [joint for joint, is_stuck in zip(arm.joint_names, stuck, strict=True) if is_stuck]
             return head + (
                 f"no base reaches all poses of the path, the best of {len(tried.miss)} misses one "
@@ -314,12 +251,3 @@ class _Search:
                 f"limit; {needed:.0f} are needed"
             )
         return head + "where it reaches all poses, it touches itself, the floor or the sheet"
-
-
-@functools.cache
-def largest_manipulability(name: ArmName) -> float:
-    """Return the largest √det(J Jᵀ) of 4000 seeded configurations [-]."""
-    chain: SerialChain = serial_chain(name)
-    low, high = chain.range_rad.T
-    q = np.random.default_rng(_SEED).uniform(low, high, (4000, chain.count))
-    return float(chain.manipulability(q).max())

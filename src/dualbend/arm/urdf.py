@@ -64,56 +64,20 @@ class UrdfFile:
 
         Links that hang beside the chain or beyond the flange are left out, links that are fixed to
         each other are one. Gravity is held up by the joints' own drives, as in
-        :func:`dualbend.arm.mjcf.load_puma`.
-
-        Raises
-        ------
-        InputError
-            The file cannot be read, or is no chain of hinges with masses and limits.
+        :func:`dualbend.arm.mjcf.load_puma`. Raises InputError where the file cannot be read, or is
+        no chain of hinges with masses and limits.
         """
-        return _Reader(self).arm(looks=looks)
-
-
-def package_folder(package: str) -> Path:
-    """Return the folder that holds an installed package's robots, found by its metadata.
-
-    Raises
-    ------
-    InputError
-        The package is not installed, or holds no robots.
-    """
-    try:
-        installed = metadata.distribution(package)
-    except metadata.PackageNotFoundError as error:
-        raise InputError(
-            f"robot.model: the arms' files are in the package {package}, which is not installed: "
-            f"pip install {package}; without it there is robot.model = 'puma560'"
-        ) from error
-    folder = Path(str(installed.locate_file(f"cmeel.prefix/share/{package}")))
-    if not (folder / "robots").is_dir():
-        raise InputError(
-            f"robot.model: the package {package} {installed.version} has no robots in {folder}: "
-            f"pip install --force-reinstall {package}"
-        )
-    return folder
-
-
-class _Reader:
-    def __init__(self, source: UrdfFile) -> None:
-        self._source, self._facts = source, source.facts
         try:
-            self._root = ET.parse(source.file).getroot()
+            root = ET.parse(self.file).getroot()
         except (OSError, ET.ParseError) as error:
             raise self._error(f"cannot be read as URDF: {error}") from error
-
-    def arm(self, *, looks: bool) -> UrdfArm:
-        links, joints = self._chain()
+        links, joints = self._chain(root)
         moved = [(j, link) for j, link in zip(joints, links[1:], strict=True) if _turns(j)]
         names = tuple(joint.attrib["name"] for joint, _ in moved)
         moving = [link.attrib["name"] for _, link in moved]
         speeds = tuple(self._speed(joint) for joint, _ in moved)
-        self._cut(links, joints)
-        spec = self._parsed()
+        self._cut(root, links, joints)
+        spec = self._parsed(root)
         add_shapes(spec, looks=looks)
         spec.fuse_static()
         for name, link in zip(moving, spec.bodies[2:], strict=True):
@@ -124,22 +88,22 @@ class _Reader:
         return UrdfArm(spec=spec, joint_names=names, speed_limit_rad_per_s=speeds)
 
     def _error(self, text: str) -> InputError:
-        return InputError(f"{self._source.file}: {text}")
+        return InputError(f"{self.file}: {text}")
 
-    def _chain(self) -> tuple[list[ET.Element], list[ET.Element]]:
+    def _chain(self, root: ET.Element) -> tuple[list[ET.Element], list[ET.Element]]:
         """Return links and joints from base to flange, in order."""
-        links = {link.get("name", ""): link for link in self._root.findall("link")}
+        links = {link.get("name", ""): link for link in root.findall("link")}
         above = {
-            self._end(joint, "child").attrib["link"]: joint for joint in self._root.findall("joint")
+            self._end(joint, "child").get("link", ""): joint for joint in root.findall("joint")
         }
         joints: list[ET.Element] = []
-        names = [self._facts.flange]
-        while names[0] != self._facts.base and names[0] in above:
+        names = [self.facts.flange]
+        while names[0] != self.facts.base and names[0] in above:
             joints.insert(0, above.pop(names[0]))
             names.insert(0, self._end(joints[0], "parent").attrib["link"])
-        whole = names[0] == self._facts.base and links.keys() >= {*names}
+        whole = names[0] == self.facts.base and links.keys() >= {*names}
         if not whole or not any(map(_turns, joints)):
-            ends = f"{self._facts.base!r} to {self._facts.flange!r}"
+            ends = f"{self.facts.base!r} to {self.facts.flange!r}"
             raise self._error(f"no chain of joints from {ends}")
         return [links[name] for name in names], joints
 
@@ -168,12 +132,12 @@ class _Reader:
             raise self._error(f"joint {name!r} lacks effort, velocity or range")
         return speed
 
-    def _cut(self, links: list[ET.Element], joints: list[ET.Element]) -> None:
+    def _cut(self, root: ET.Element, links: list[ET.Element], joints: list[ET.Element]) -> None:
         """Leave the chain alone in the file, under the names that every arm has."""
-        kept = [*links, *joints, *self._root.findall("material")]
-        for element in self._root.findall("*"):
+        kept = [*links, *joints, *root.findall("material")]
+        for element in root.findall("*"):
             if element not in kept:
-                self._root.remove(element)
+                root.remove(element)
         base, flange = links[0], links[-1]
         for inertial in base.findall("inertial"):
             base.remove(inertial)  # what stands still needs no mass
@@ -190,17 +154,17 @@ class _Reader:
             link.set("name", name)
             joint.set("name", f"joint{count}" if _turns(joint) else name)
 
-    def _parsed(self) -> mujoco.MjSpec:
+    def _parsed(self, root: ET.Element) -> mujoco.MjSpec:
         """Return what MuJoCo reads, with files of meshes as paths."""
-        for mesh in self._root.iter("mesh"):
+        for mesh in root.iter("mesh"):
             mesh.set("filename", str(self._resolved(mesh.get("filename", ""))))
-        ET.SubElement(ET.SubElement(self._root, "mujoco"), "compiler", _AS_IT_IS)
+        ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", _AS_IT_IS)
         try:
-            spec = mujoco.MjSpec.from_string(ET.tostring(self._root, encoding="unicode"))
+            spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
         except ValueError as error:
             raise self._error(f"cannot be read as URDF: {error}") from error
         outward = np.empty(4)
-        mujoco.mju_euler2Quat(outward, np.array(self._facts.flange_rpy), "XYZ")
+        mujoco.mju_euler2Quat(outward, np.array(self.facts.flange_rpy), "XYZ")
         spec.bodies[-1].add_site(
             name=FLANGE_SITE,
             quat=outward,
@@ -214,12 +178,12 @@ class _Reader:
     def _resolved(self, name: str) -> Path:
         if name.startswith("package://"):
             # The first part names the package, whose folder ``share`` is.
-            return self._source.share.joinpath(*name.removeprefix("package://").split("/")[1:])
-        return (self._source.file.parent / name.removeprefix("file://")).resolve()
+            return self.share.joinpath(*name.removeprefix("package://").split("/")[1:])
+        return (self.file.parent / name.removeprefix("file://")).resolve()
 
     def _add_drives(self, spec: mujoco.MjSpec) -> None:
         """Give links and joints what no URDF holds, and let neighbours overlap."""
-        facts = self._facts
+        facts = self.facts
         for i, joint in enumerate(spec.joints):
             joint.limited = joint.actfrclimited = joint.actgravcomp = True
             joint.armature, joint.solimp_friction = facts.armature_kg_m2, _HARD_FRICTION
@@ -229,6 +193,27 @@ class _Reader:
         for i, first in enumerate(names):
             for second in names[i + 1 : i + 1 + _NEIGHBOURS]:
                 spec.add_exclude(bodyname1=first, bodyname2=second)
+
+
+def package_folder(package: str) -> Path:
+    """Return the folder that holds an installed package's robots, found by its metadata.
+
+    Raises InputError where the package is not installed, or holds no robots.
+    """
+    try:
+        installed = metadata.distribution(package)
+    except metadata.PackageNotFoundError as error:
+        raise InputError(
+            f"robot.model: the arms' files are in the package {package}, which is not installed: "
+            f"pip install {package}; without it there is robot.model = 'puma560'"
+        ) from error
+    folder = Path(str(installed.locate_file(f"cmeel.prefix/share/{package}")))
+    if not (folder / "robots").is_dir():
+        raise InputError(
+            f"robot.model: the package {package} {installed.version} has no robots in {folder}: "
+            f"pip install --force-reinstall {package}"
+        )
+    return folder
 
 
 def _turns(joint: ET.Element) -> bool:

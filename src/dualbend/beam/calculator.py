@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from dualbend.beam.rod import planar as rod
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 
-_POISSON, _NO_DENSITY = 0.3, 1.0
-"""Without a material: an assumed cross contraction, and a density that does not enter."""
+_NO_MATERIAL = Material(name="", young_pa=1.0, poisson_ratio=0.3, density_kg_per_m3=1.0)
+"""Without a material: an assumed Poisson's ratio; modulus and density do not enter."""
 
 
 def bent_sheet(
@@ -40,13 +41,25 @@ def bent_sheet(
     and the change of force [%]; with a material's limit the surface strain, the limit and whether
     it is exceeded.
 
-    Raises
-    ------
-    InputError
-        A number is out of range, or the state cannot be solved; the message says why.
+    Raises InputError where a number is out of range, or the state cannot be solved.
     """
-    named = None if material is None else _named(material)
-    sheet = _sheet(length_m, width_m, thickness_m, young_pa, poisson_ratio, named)
+    named = None
+    if material is not None:
+        try:
+            named = find_material(material)
+        except InputError as error:
+            raise InputError(f"--material {material}: {error}") from error
+    elif young_pa is None:
+        raise InputError("--young is missing; give it, or --material")
+    base = named or _NO_MATERIAL
+    sheet = Sheet(
+        length_m=length_m,
+        width_m=width_m,
+        thickness_m=thickness_m,
+        young_pa=base.young_pa if young_pa is None else young_pa,
+        poisson_ratio=base.mean_poisson if poisson_ratio is None else poisson_ratio,
+        density_kg_per_m3=base.density_kg_per_m3,
+    )
     curvature = elastica.curvature_max(alpha_rad, length_m)
     sheet = replace(sheet, rigidity=rigidity, curvature_per_m=curvature)
     if weight_n_per_m is None:
@@ -58,64 +71,29 @@ def bent_sheet(
     return {**state, **_rigidities(sheet), **_strain(sheet, named, state["curvature_max_per_m"])}
 
 
-def _named(material: str) -> Material:
-    try:
-        return find_material(material)
-    except InputError as error:
-        raise InputError(f"--material {material}: {error}") from error
-
-
-def _sheet(
-    length_m: float,
-    width_m: float,
-    thickness_m: float,
-    young_pa: float | None,
-    poisson_ratio: float | None,
-    material: Material | None,
-) -> Sheet:
-    if young_pa is None and material is None:
-        raise InputError("--young is missing; give it, or --material")
-    young, poisson, density = young_pa, _POISSON, _NO_DENSITY
-    if material is not None:
-        young = material.young_pa if young is None else young
-        poisson, density = material.mean_poisson, material.density_kg_per_m3
-    assert young is not None
-    return Sheet(
-        length_m=length_m,
-        width_m=width_m,
-        thickness_m=thickness_m,
-        young_pa=young,
-        poisson_ratio=poisson if poisson_ratio is None else poisson_ratio,
-        density_kg_per_m3=density,
-    )
-
-
 def _state(
     sheet: Sheet, alpha_rad: float, half_distance_m: float | None, weight_n_per_m: float
 ) -> dict[str, float]:
     EI, length_m = sheet.bending_stiffness_nm2, sheet.length_m
     zero_moment = elastica.half_distance(alpha_rad, length_m)
-    if half_distance_m is None and weight_n_per_m == 0.0:
-        return {
-            "force_n": elastica.end_force(alpha_rad, EI, length_m),
-            "moment_nm": 0.0,
-            "half_distance_m": zero_moment,
-            "rise_m": elastica.rise(alpha_rad, length_m),
-            "curvature_max_per_m": elastica.curvature_max(alpha_rad, length_m),
-        }
     half_distance = zero_moment if half_distance_m is None else half_distance_m
-    state = rod.solve_symmetric(EI, length_m, alpha_rad, half_distance, weight_n_per_m)
-    if not state.converged:
-        raise InputError(
-            f"no bent state at alpha = {alpha_rad} rad, half distance = {half_distance} m: "
-            f"{state.reason}"
-        )
+    force, moment = elastica.end_force(alpha_rad, EI, length_m), 0.0
+    rise, curvature = elastica.rise(alpha_rad, length_m), sheet.curvature_per_m
+    if half_distance_m is not None or weight_n_per_m != 0.0:
+        state = rod.solve_symmetric(EI, length_m, alpha_rad, half_distance, weight_n_per_m)
+        if not state.converged:
+            raise InputError(
+                f"no bent state at alpha = {alpha_rad} rad, half distance = {half_distance} m: "
+                f"{state.reason}"
+            )
+        force, moment, rise = state.end_force_n, state.end_moment_nm, state.rise_m
+        curvature = float(np.max(np.abs(state.curvature_per_m)))
     return {
-        "force_n": state.end_force_n,
-        "moment_nm": state.end_moment_nm,
+        "force_n": force,
+        "moment_nm": moment,
         "half_distance_m": half_distance,
-        "rise_m": state.rise_m,
-        "curvature_max_per_m": float(np.max(np.abs(state.curvature_per_m))),
+        "rise_m": rise,
+        "curvature_max_per_m": curvature,
     }
 
 
@@ -128,8 +106,7 @@ def _rigidities(sheet: Sheet) -> dict[str, float]:
             sheet.width_m, sheet.thickness_m, sheet.curvature_per_m
         ),
     }
-    kinds: tuple[Rigidity, ...] = ("beam", "plate", "width")
-    for kind in kinds:
+    for kind in get_args(Rigidity):
         ratio = sheet.rigidity_over_beam(kind)
         if kind != "beam":
             found[f"{kind}_over_beam"] = ratio
@@ -145,8 +122,4 @@ def _strain(
     if limit is None:
         return {}
     strain = curvature_per_m * sheet.thickness_m / 2.0
-    return {
-        "surface_strain": strain,
-        "limit_strain": limit,
-        "beyond_limit": bool(strain > limit),
-    }
+    return {"surface_strain": strain, "limit_strain": limit, "beyond_limit": bool(strain > limit)}

@@ -118,26 +118,6 @@ def end_slope_from_half_distance(x: Real, L: float) -> Real:
     return like(x, np.asarray(end_slope_from_shortening(L / 2.0 - distances, L)))
 
 
-def end_slope_from_rise(y: Real, L: float) -> Real:
-    """Return the end slope α with rise y [m] on the branch that starts flat.
-
-    The rise is largest at END_SLOPE_HIGHEST_RISE, so two end slopes share most values near it:
-    this is the smaller one. At the maximum itself α is known to √eps only.
-    Raises InputError outside [0, largest rise].
-    """
-    highest = rise(END_SLOPE_HIGHEST_RISE, positive("L", L))
-    target = within("rise y [m]", y, 0.0, highest) / L
-    limit = math.sin(END_SLOPE_HIGHEST_RISE / 2.0)
-    # k/K is concave in k and below 2k/π: Newton from the left never passes the root.
-    k = np.minimum(np.pi / 2.0 * target, limit)
-    for _ in range(40):
-        m = k * k
-        K = np.asarray(ellipk(m))
-        slope = (2.0 * K - ellipe(m) / (1.0 - m)) / (K * K)
-        k = np.clip(k + (target - k / K) / np.maximum(slope, 1e-12), 0.0, limit)
-    return like(y, 2.0 * np.arcsin(k))
-
-
 def shape(alpha: float, L: float, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the points (x, z) [m] and the slope θ [rad] at arc lengths s [m] from the left end.
 

@@ -12,18 +12,16 @@ Mechanics of Composite Materials, 2nd ed., section 4.2.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dualbend.beam._check import positive
 from dualbend.beam.material import Material
 from dualbend.errors import InputError
-
-Matrix = NDArray[np.float64]
+from dualbend.types import Vector
 
 MOST_COUPLING = 1e-6
 """Largest |B| of a laminate that counts as symmetric, over A times the thickness."""
@@ -62,33 +60,38 @@ class Laminate:
         return mass / self.thickness_m
 
     @cached_property
-    def faces_m(self) -> Matrix:
+    def faces_m(self) -> Vector:
         """Heights z of the layers' faces above the middle (layers + 1,) [m]."""
         z = np.concatenate(([0.0], np.cumsum([layer.thickness_m for layer in self.layers])))
         return np.asarray(z - z[-1] / 2.0)
 
     @cached_property
-    def A(self) -> Matrix:  # noqa: N802 - the theory's name
+    def A(self) -> Vector:  # noqa: N802 - the theory's name
         """Stretching stiffness (3, 3) [N/m]."""
         return self._sum(1)
 
     @cached_property
-    def B(self) -> Matrix:  # noqa: N802
+    def B(self) -> Vector:  # noqa: N802
         """Coupling of stretching and bending (3, 3) [N]; 0 where the stack is symmetric."""
         return self._sum(2)
 
     @cached_property
-    def D(self) -> Matrix:  # noqa: N802
+    def D(self) -> Vector:  # noqa: N802
         """Bending stiffness about the middle (3, 3) [N m]."""
         return self._sum(3)
 
-    def _sum(self, power: int) -> Matrix:
-        z = self.faces_m**power / power
+    def _sum(self, power: int) -> Vector:
+        rises = np.diff(self.faces_m**power / power)
         parts = [
             reduced_stiffness(layer.material) * rise
-            for layer, rise in zip(self.layers, np.diff(z), strict=True)
+            for layer, rise in zip(self.layers, rises, strict=True)
         ]
         return np.asarray(np.sum(parts, axis=0))
+
+    def places(self) -> Iterator[tuple[Material, float, float]]:
+        """Yield the material of each layer, and from where to where it is above the middle [m]."""
+        materials = (layer.material for layer in self.layers)
+        return zip(materials, self.faces_m[:-1], self.faces_m[1:], strict=True)
 
     @property
     def coupling(self) -> float:
@@ -118,14 +121,15 @@ class Laminate:
 
         d is the bending part of the inverse of the whole [A B; B D].
         """
-        return 1.0 / float(self._compliance()[3, 3])
+        return 1.0 / float(self._compliance[3, 3])
 
     @property
     def stretch_per_width_n_per_m(self) -> float:
         """Force per width and stretch of a narrow strip, 1/a11 [N/m]."""
-        return 1.0 / float(self._compliance()[0, 0])
+        return 1.0 / float(self._compliance[0, 0])
 
-    def _compliance(self) -> Matrix:
+    @cached_property
+    def _compliance(self) -> Vector:
         return np.asarray(np.linalg.inv(np.block([[self.A, self.B], [self.B, self.D]])))
 
     def surface_limit(self) -> float | None:
@@ -134,16 +138,14 @@ class Laminate:
         A layer reaches its own limit at its outer face z: κ = ε_limit / |z|.
         """
         found = [
-            layer.material.limit_strain * self.thickness_m / 2.0 / max(abs(low), abs(high))
-            for layer, low, high in zip(
-                self.layers, self.faces_m[:-1], self.faces_m[1:], strict=True
-            )
-            if layer.material.limit_strain is not None
+            material.limit_strain * self.thickness_m / 2.0 / max(abs(low), abs(high))
+            for material, low, high in self.places()
+            if material.limit_strain is not None
         ]
         return float(min(found)) if found else None
 
 
-def reduced_stiffness(material: Material) -> Matrix:
+def reduced_stiffness(material: Material) -> Vector:
     """Return a layer's plane-stress stiffness Q (3, 3) [Pa], σ = Q ε.
 
     Q11 = E₁ / (1 − ν₁₂ν₂₁), Q12 = ν₁₂ E₂ / (1 − ν₁₂ν₂₁), Q22 = E₂ / (1 − ν₁₂ν₂₁), Q66 = G₁₂.
@@ -151,13 +153,8 @@ def reduced_stiffness(material: Material) -> Matrix:
     E1, E2, nu12 = material.young_pa, material.transverse_pa, material.poisson_ratio
     rest = 1.0 - nu12 * nu12 * E2 / E1
     off = nu12 * E2 / rest
-    return np.array(
-        [
-            [E1 / rest, off, 0.0],
-            [off, E2 / rest, 0.0],
-            [0.0, 0.0, material.in_plane_shear_pa],
-        ]
-    )
+    shear = material.in_plane_shear_pa
+    return np.array([[E1 / rest, off, 0.0], [off, E2 / rest, 0.0], [0.0, 0.0, shear]])
 
 
 def stack(layers: Sequence[tuple[Material, float]]) -> Laminate:

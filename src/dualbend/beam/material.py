@@ -68,11 +68,9 @@ class Material:
     evidence: Mapping[str, Evidence] = field(default_factory=dict, compare=False, hash=False)
 
     def __post_init__(self) -> None:
-        for name in ("young_pa", "density_kg_per_m3"):
-            positive(name, getattr(self, name))
-        for name in ("transverse_young_pa", "shear_pa", "yield_pa", "strain_at_failure"):
+        for name in _NUMBERS:
             value = getattr(self, name)
-            if value is not None:
+            if value is not None and name not in ("poisson_ratio", "tangent_pa"):
                 positive(name, value)
         if not 0.0 <= self.poisson_ratio < 0.5:
             raise InputError(f"poisson_ratio must lie in [0, 0.5), got {self.poisson_ratio!r}")

@@ -45,15 +45,10 @@ def markdown(materials: Mapping[str, Material]) -> str:
         for key, evidence in material.evidence.items()
     ]
     columns = ("material", "number", "grade", "source")
-    grades = [f"* {grade[0]}, {grade}: {said}" for grade, said in GRADES.items()]
-    lines = [
-        _numbers(materials, "material").markdown(),
-        "",
-        "The letter is the grade:",
-        "",
-        *grades,
-    ]
-    return "\n".join([*lines, "", Table(columns, sources).markdown()]) + "\n"
+    grades = "\n".join(f"* {grade[0]}, {grade}: {said}" for grade, said in GRADES.items())
+    numbers, listed = _numbers(materials, "material"), Table(columns, sources)
+    parts = (numbers.markdown(), "The letter is the grade:", grades, listed.markdown())
+    return "\n\n".join(parts) + "\n"
 
 
 def as_json(materials: Mapping[str, Material]) -> str:

@@ -33,7 +33,8 @@ class BendingPath(Protocol):
         """Return (half distance x, rise y) [m] at α [rad]; InputError outside the path."""
 
 
-def _ends(path: BendingPath, alpha: float | FloatArray) -> FloatArray:
+def _on(path: BendingPath, alpha: float | FloatArray) -> FloatArray:
+    """Return end slopes as an array, or raise InputError where one is off the path."""
     return within("end slope α [rad]", alpha, float(path.knots[0]), float(path.knots[-1]))
 
 
@@ -47,8 +48,8 @@ def _range(start: float, target: float) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class ExactPath:
-    """The zero-moment path, paper equations (3) and (4)."""
+class _OnePiece:
+    """A path without knots between its start and its target."""
 
     length_m: float
     target_rad: float = elastica.END_SLOPE_GRIPPERS_MEET
@@ -63,9 +64,13 @@ class ExactPath:
         """Start and target [rad]."""
         return _range(self.start_rad, self.target_rad)
 
+
+class ExactPath(_OnePiece):
+    """The zero-moment path, paper equations (3) and (4)."""
+
     def at(self, alpha: Real) -> tuple[Real, Real]:
         """Return (x, y) [m] at α [rad]."""
-        _ends(self, alpha)
+        _on(self, alpha)
         return elastica.half_distance(alpha, self.length_m), elastica.rise(alpha, self.length_m)
 
 
@@ -123,39 +128,17 @@ class PiecewiseLinearPath:
 
     def at(self, alpha: Real) -> tuple[Real, Real]:
         """Return (x, y) [m] at α [rad]."""
-        slopes = _ends(self, alpha)
+        slopes = _on(self, alpha)
         x, y = (np.asarray(np.interp(slopes, self.knots, values)) for values in self._values)
         return like(alpha, x), like(alpha, y)
 
 
-def polynomial_coefficients(alpha_limit: float, degree: int) -> tuple[FloatArray, FloatArray]:
-    """Return the coefficients f, g, lowest power first, of an approximation for α ≤ alpha_limit.
-
-    With u = α²:   x/L ≈ ½ − u f(u),   y/L ≈ α g(u).
-    f and g interpolate (L/2 − x)/(L u) and y/(L α) of the closed form at the Chebyshev points of
-    u, which is within a small factor of the best polynomial. The leading α² and α are kept in
-    form: the error of x falls as α², so the moment that it causes falls as α; α = 0 is flat.
-    """
-    within("alpha_limit [rad]", alpha_limit, 0.01, elastica.END_SLOPE_GRIPPERS_MEET)
-    if not 0 <= degree <= 12:
-        raise InputError(f"degree must lie in [0, 12], got {degree!r}")
-    points = chebyshev.chebpts1(degree + 1)
-    half = alpha_limit**2 / 2.0
-    u = half * (points + 1.0)
-    alpha = np.sqrt(u)
-    powers = np.vander(u / alpha_limit**2, degree + 1, increasing=True)
-    scale = alpha_limit ** (2.0 * np.arange(degree + 1))
-    f = np.linalg.solve(powers, elastica.shortening(alpha, 1.0) / u) / scale
-    g = np.linalg.solve(powers, elastica.rise(alpha, 1.0) / alpha) / scale
-    return f, g
-
-
 @dataclass(frozen=True)
-class ApproximatePath:
+class ApproximatePath(_OnePiece):
     """A polynomial in α² instead of two elliptic integrals: 2 × degree + 5 multiplications.
 
-    The coefficients come from polynomial_coefficients on [0, target_rad]. Worst errors of x and
-    y over L and the largest moment over EI/L that they cause, for a target of 1.2 rad (measured):
+    Worst errors of x and y over L and the largest moment over EI/L that they cause, for a target
+    of 1.2 rad (measured):
 
         degree 1   6.8e-5   3.2e-4   2.5e-3
         degree 2   1.0e-7   2.9e-6   3.7e-6
@@ -164,29 +147,36 @@ class ApproximatePath:
     Use the true target: for 2.28 rad the errors of degree 3 are 1.5e-5 and 1.8e-5.
     """
 
-    length_m: float
-    target_rad: float = elastica.END_SLOPE_GRIPPERS_MEET
-    start_rad: float = 0.0
     degree: int = 3
 
     def __post_init__(self) -> None:
-        positive("length_m", self.length_m)
-        _range(self.start_rad, self.target_rad)
+        super().__post_init__()
         self.coefficients  # noqa: B018 - refuses a bad degree now, not in the loop
 
     @cached_property
     def coefficients(self) -> tuple[FloatArray, FloatArray]:
-        """Coefficients f, g of polynomial_coefficients."""
-        return polynomial_coefficients(self.target_rad, self.degree)
+        """Coefficients f, g, lowest power first, for α up to the target.
 
-    @property
-    def knots(self) -> FloatArray:
-        """Start and target [rad]."""
-        return _range(self.start_rad, self.target_rad)
+        With u = α²:   x/L ≈ ½ − u f(u),   y/L ≈ α g(u).
+        f and g interpolate (L/2 − x)/(L u) and y/(L α) of the closed form at the Chebyshev points
+        of u, which is within a small factor of the best polynomial. The leading α² and α are kept
+        in form: the error of x falls as α², so the moment that it causes falls as α; α = 0 is flat.
+        """
+        limit, count = self.target_rad, self.degree + 1
+        within("target_rad", limit, 0.01, elastica.END_SLOPE_GRIPPERS_MEET)
+        if not 0 <= self.degree <= 12:
+            raise InputError(f"degree must lie in [0, 12], got {self.degree!r}")
+        u = limit**2 / 2.0 * (chebyshev.chebpts1(count) + 1.0)
+        alpha = np.sqrt(u)
+        powers = np.vander(u / limit**2, count, increasing=True)
+        scale = limit ** (2.0 * np.arange(count))
+        f = np.linalg.solve(powers, elastica.shortening(alpha, 1.0) / u) / scale
+        g = np.linalg.solve(powers, elastica.rise(alpha, 1.0) / alpha) / scale
+        return f, g
 
     def at(self, alpha: Real) -> tuple[Real, Real]:
         """Return (x, y) [m] at α [rad]."""
-        slopes = _ends(self, alpha)
+        slopes = _on(self, alpha)
         f, g = self.coefficients
         u = slopes * slopes
         p, q = np.full_like(u, f[-1]), np.full_like(u, g[-1])
@@ -195,35 +185,16 @@ class ApproximatePath:
         x, y = self.length_m * (0.5 - u * p), self.length_m * slopes * q
         return like(alpha, np.asarray(x)), like(alpha, np.asarray(y))
 
-    def worst_error(self, samples: int = 2001) -> tuple[float, float]:
-        """Return the largest |error| of x and of y [m] against the closed form."""
-        alpha = np.linspace(self.start_rad, self.target_rad, samples)
-        x, y = self.at(alpha)
-        dx = np.abs(x - elastica.half_distance(alpha, self.length_m))
-        dy = np.abs(y - elastica.rise(alpha, self.length_m))
-        return float(dx.max()), float(dy.max())
-
 
 @dataclass(frozen=True)
 class TablePath:
     """x and y from a table over α, straight or with a cubic spline between its rows.
 
-    Parameters
-    ----------
-    length_m
-        Free length of the sheet.
-    rows
-        (α [rad], half distance [m], rise [m]), α growing.
-    smooth
-        True: a natural cubic spline with knots at its ends only; False: linear between the rows.
-    target_rad, start_rad
-        The part of the table that is used; None: all of it.
+    ``rows`` are (α [rad], half distance [m], rise [m]), α growing. ``smooth``: a natural cubic
+    spline with knots at its ends only. From ``start_rad`` to ``target_rad`` the table is used.
 
-    Raises
-    ------
-    InputError
-        Fewer than two rows, α that does not grow, a part outside the table, or grips farther apart
-        than the sheet is long.
+    Raises InputError for fewer than two rows, α that does not grow, a part outside the table, or
+    grips farther apart than the sheet is long.
     """
 
     length_m: float
@@ -236,27 +207,24 @@ class TablePath:
         positive("length_m", self.length_m)
         if len(self.rows) < 2:
             raise InputError(f"table needs two or more rows, got {len(self.rows)}")
-        alpha, half, rise = np.array(self.rows, dtype=np.float64).T
+        alpha, half, rise = self._columns
         if not (np.isfinite(half).all() and np.isfinite(rise).all()):
             raise InputError("table must hold finite numbers only")
         for n in np.flatnonzero(~(np.diff(alpha) > 0.0)).tolist():
             raise InputError(
                 f"table: α must grow from row to row, got {alpha[n]:g} then {alpha[n + 1]:g} rad"
             )
-        for n in np.flatnonzero(
-            (half <= 0.0) | (half > 0.5 * self.length_m * (1.0 + 1e-3))
-        ).tolist():
+        most = 0.5 * self.length_m
+        for n in np.flatnonzero((half <= 0.0) | (half > most * (1.0 + 1e-3))).tolist():
             raise InputError(
                 f"table, row {n + 1}: half distance = {half[n]:g} m must lie above 0 and at most "
-                f"at half the free length, {0.5 * self.length_m:g} m"
+                f"at half the free length, {most:g} m"
             )
-        first, last = (float(alpha[0]), float(alpha[-1]))
-        start = first if self.start_rad is None else self.start_rad
-        target = last if self.target_rad is None else self.target_rad
-        if not first <= start < target <= last:
+        start, target = self._ends
+        if not alpha[0] <= start < target <= alpha[-1]:
             raise InputError(
                 f"start_rad = {start:g} and end_rad = {target:g} must lie, one after the other, in "
-                f"the table, which goes from {first:g} to {last:g} rad"
+                f"the table, which goes from {alpha[0]:g} to {alpha[-1]:g} rad"
             )
         _range(start, target)
 
@@ -264,13 +232,18 @@ class TablePath:
     def _columns(self) -> FloatArray:
         return np.array(self.rows, dtype=np.float64).T
 
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """Start and target [rad]; without numbers of their own those of the table."""
+        given = zip((self.start_rad, self.target_rad), self._columns[0, [0, -1]], strict=True)
+        start, target = (float(end if own is None else own) for own, end in given)
+        return start, target
+
     @cached_property
     def knots(self) -> FloatArray:
         """End slopes where the pieces meet [rad]."""
-        alpha = self._columns[0]
-        start = alpha[0] if self.start_rad is None else self.start_rad
-        target = alpha[-1] if self.target_rad is None else self.target_rad
-        inner = alpha[(alpha > start) & (alpha < target)] if not self.smooth else alpha[:0]
+        alpha, (start, target) = self._columns[0], self._ends
+        inner = () if self.smooth else alpha[(alpha > start) & (alpha < target)]
         return np.array([start, *inner, target])
 
     @cached_property
@@ -280,7 +253,7 @@ class TablePath:
 
     def at(self, alpha: Real) -> tuple[Real, Real]:
         """Return (x, y) [m] at α [rad]."""
-        slopes = _ends(self, alpha)
+        slopes = _on(self, alpha)
         if self.smooth:
             x, y = np.moveaxis(self._spline(slopes), -1, 0)
         else:

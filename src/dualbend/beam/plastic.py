@@ -14,11 +14,11 @@ in the fibres. Source: Iwan, J. Appl. Mech. 34 (1967) 612.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dualbend.beam.laminate import Laminate
+from dualbend.beam.laminate import Laminate, stack
 from dualbend.beam.material import Material
 from dualbend.errors import InputError
 from dualbend.types import Vector
@@ -137,50 +137,25 @@ class Plasticity:
 
 def of_material(material: Material) -> Plasticity:
     """Return how a sheet of one material yields; InputError where it is brittle."""
-    band = Band(low=0.0, high=1.0, stiffness=1.0, **_law(material))
-    if band.yield_strain is None:
-        raise InputError(_brittle([material]))
-    return Plasticity((band,))
+    return of_laminate(stack([(material, 1.0)]))
 
 
 def of_laminate(laminate: Laminate) -> Plasticity:
     """Return how a symmetric laminate yields; InputError where no layer does."""
-    half, bands = laminate.thickness_m / 2.0, []
-    for layer, low, high in zip(
-        laminate.layers, laminate.faces_m[:-1], laminate.faces_m[1:], strict=True
-    ):
-        if high > 1e-9 * half:
-            bands.append(
-                Band(
-                    low=max(float(low), 0.0) / half,
-                    high=float(high) / half,
-                    stiffness=layer.material.young_pa,
-                    **_law(layer.material),
-                )
-            )
-    whole = sum(band.stiffness * (band.high**3 - band.low**3) for band in bands)
-    if all(band.yield_strain is None for band in bands):
-        raise InputError(_brittle([layer.material for layer in laminate.layers]))
-    return Plasticity(
-        tuple(
-            Band(
-                low=band.low,
-                high=band.high,
-                stiffness=band.stiffness / whole,
-                yield_strain=band.yield_strain,
-                tangent_ratio=band.tangent_ratio,
-            )
-            for band in bands
+    half = laminate.thickness_m / 2.0
+    bands = [
+        Band(
+            low=max(float(low), 0.0) / half,
+            high=float(high) / half,
+            stiffness=material.young_pa,
+            yield_strain=None if material.yield_pa is None else material.limit_strain,
+            tangent_ratio=material.tangent_pa / material.young_pa,
         )
-    )
-
-
-def _law(material: Material) -> dict[str, float]:
-    limit = None if material.yield_pa is None else material.yield_pa / material.young_pa
-    # A mapping for keyword arguments; a limit of None is one of a band's values.
-    return {"yield_strain": limit, "tangent_ratio": material.tangent_pa / material.young_pa}  # type: ignore[dict-item]
-
-
-def _brittle(materials: list[Material]) -> str:
-    names = ", ".join(dict.fromkeys(material.name for material in materials))
-    return f"{names} has no yield strength: it breaks, it does not yield"
+        for material, low, high in laminate.places()
+        if high > 1e-9 * half
+    ]
+    if all(band.yield_strain is None for band in bands):
+        names = ", ".join(dict.fromkeys(layer.material.name for layer in laminate.layers))
+        raise InputError(f"{names} has no yield strength: it breaks, it does not yield")
+    whole = sum(band.stiffness * (band.high**3 - band.low**3) for band in bands)
+    return Plasticity(tuple(replace(band, stiffness=band.stiffness / whole) for band in bands))

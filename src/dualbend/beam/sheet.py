@@ -12,9 +12,6 @@ GRAVITY_M_PER_S2 = 9.81
 """Standard gravity of this project [m/s²]."""
 
 
-_SIZES = ("length_m", "width_m", "thickness_m", "young_pa", "density_kg_per_m3")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Anisotropy:
     """Stiffness of a weave or laminate, where it is not isotropic, over its bending modulus E.
@@ -56,7 +53,7 @@ class Sheet:
     plasticity: Plasticity | None = None
 
     def __post_init__(self) -> None:
-        for name in _SIZES:
+        for name in ("length_m", "width_m", "thickness_m", "young_pa", "density_kg_per_m3"):
             positive(name, getattr(self, name))
         if not 0.0 <= self.poisson_ratio < 0.5:
             raise InputError(f"poisson_ratio must lie in [0, 0.5), got {self.poisson_ratio!r}")

@@ -15,7 +15,8 @@ from typing import Annotated, Literal
 import msgspec
 
 from dualbend.check.tolerances import Tolerance
-from dualbend.errors import InputError
+from dualbend.errors import InputError, writing
+from dualbend.types import Config
 
 DEFAULT_FILE = Path("baseline.json")
 
@@ -33,7 +34,7 @@ _LINE_DEPTH = 4
 Value = float | list[float | None] | None
 
 
-class Gate(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Gate(Config):
     """A metric's value in the baseline, its unit and how far it may move."""
 
     value: Value
@@ -41,7 +42,7 @@ class Gate(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     tolerance: Tolerance
 
 
-class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Entry(Config):
     """A scenario in the baseline.
 
     ``source``: a shipped scenario's name, or a file relative to the baseline. ``model_sha256`` and
@@ -56,11 +57,11 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
     metrics: dict[str, Gate]
 
 
-class Baseline(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Baseline(Config):
     """All scenarios of a baseline, by name."""
 
     format: Literal[1] = 1
-    scenarios: dict[str, Entry] = {}
+    scenarios: dict[str, Entry] = msgspec.field(default_factory=dict)
 
 
 def find_baseline(file: Path | None, *, update: bool) -> Path:
@@ -104,11 +105,9 @@ def write_baseline(baseline: Baseline, path: Path) -> None:
     """
     text = _text(msgspec.to_builtins(baseline))
     part = path.with_name(f"{path.name}.part")
-    try:
+    with writing(path):
         part.write_text(text + "\n", encoding="utf-8")
         part.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def _text(value: object, depth: int = 0) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from dualbend.check.verdict import Finding, Verdicts
-from dualbend.errors import InputError
+from dualbend.errors import writing
 from dualbend.table import Column, Table, escaped, shown
 
 _HEADINGS = ("scenario", "metric", "old", "new", "unit", "change", "allowed", "verdict")
@@ -154,7 +154,5 @@ def _change(finding: Finding) -> str:
 
 
 def _write(path: Path, option: str, text: str) -> None:
-    try:
+    with writing(path, option):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{option} {path}: cannot be written: {error.strerror}") from error

@@ -16,11 +16,12 @@ from typing import Annotated, Literal
 import msgspec
 
 from dualbend.registry import TASKS
+from dualbend.types import Config
 
 Better = Literal["lower", "higher", "neither"]
 
 
-class Tolerance(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Tolerance(Config):
     """How far a value may be from the baseline's: |new − old| ≤ size, or ≤ size · |old|.
 
     ``kind`` "none": the metric is kept to be read and not gated. ``reason`` says why so much.

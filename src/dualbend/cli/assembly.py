@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from dualbend.cli.common import EXIT_INTERRUPTED, SETTINGS, complete_scenarios, examples, shown
+from dualbend.errors import writing
 
 
 @click.command(epilog=examples("dualbend plan pwb --set task.layout.holes.clearance_m=1e-4"))
@@ -59,7 +60,6 @@ def robustness(
     Random errors are drawn with the standard deviations of task.spread. The same command
     continues a study that was interrupted.
     """
-    from dualbend.errors import InputError
     from dualbend.run.output import uninterrupted, write_json
     from dualbend.scenario.load import load_scenario
     from dualbend.study.robustness.figure import plot_success
@@ -93,10 +93,8 @@ def robustness(
         sys.exit(EXIT_INTERRUPTED)
     numbers = summarise(loaded, seed, trials, folder)
     with uninterrupted():
-        try:
+        with writing(folder, "--out"):
             write_json(numbers, folder / "summary.json")
-        except OSError as error:
-            raise InputError(f"--out {folder}: {error.strerror or error}") from error
         plot_success(trials, loaded, folder / "success.png")
     click.echo("\n".join(table(numbers)))
     click.echo(f"results in {folder}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dualbend.errors import DualbendError, InputError
+from dualbend.errors import DualbendError, writing
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -72,10 +72,8 @@ def deliver(text: str, out: Path | None) -> None:
     if out is None:
         click.echo(text, nl=False)
         return
-    try:
+    with writing(out, "--out"):
         out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
     click.echo(f"{out} written")
 
 

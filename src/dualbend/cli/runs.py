@@ -18,6 +18,7 @@ from dualbend.cli.common import (
     examples,
     shown,
 )
+from dualbend.errors import InputError, writing
 
 if TYPE_CHECKING:
     from dualbend.recording.live import LiveRecording
@@ -106,7 +107,6 @@ def run(
 
 def _tell_stability(scenario: Scenario) -> None:
     """Print the predicted stability; a run without a possible prediction is not refused."""
-    from dualbend.errors import InputError
     from dualbend.stability.prediction import predict
 
     try:
@@ -128,15 +128,12 @@ def _live(
     ready: Run, address: str, folder: Path, *, record: bool
 ) -> AbstractContextManager[LiveRecording]:
     """Return the live recording of a run in a viewer that answers."""
-    from dualbend.errors import InputError
     from dualbend.recording.live import LiveRecording, check_viewer
 
     viewer = check_viewer(address, screen=_has_screen())
     path = folder / "run.rrd" if record else None
-    try:
+    with writing(folder / "run.rrd", "--out"):
         return LiveRecording(ready, viewer, path)
-    except OSError as error:
-        raise InputError(f"--out {folder}: run.rrd: {error.strerror or error}") from error
 
 
 def _has_screen() -> bool:
@@ -154,7 +151,6 @@ def _any_given() -> bool:
 
 def _which_scenario(*, asked: bool) -> None:
     """Print the scenarios if nothing was given; options without a scenario are an error."""
-    from dualbend.errors import InputError
     from dualbend.scenario import shipped
 
     if not asked:
@@ -262,7 +258,6 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
 
     It runs in real time and needs a screen.
     """
-    from dualbend.errors import InputError
     from dualbend.run.make import make_run
     from dualbend.scenario.load import load_scenario
 
@@ -285,15 +280,12 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
 
     The key frame "start" is the state at the start of the run.
     """
-    from dualbend.errors import InputError
     from dualbend.run.make import make_run
     from dualbend.scenario.load import load_scenario
 
     xml = make_run(load_scenario(scenario, settings)).scene_xml()
-    try:
+    with writing(out, "--out"):
         out.write_text(xml, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be written: {error.strerror}") from error
     click.echo(f"{out}: open it with python -m mujoco.viewer --mjcf={out}")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dualbend.cli.common import EXIT_FAILED_CHECK, examples
-from dualbend.errors import InputError
+from dualbend.errors import InputError, writing
 
 if TYPE_CHECKING:
     from dualbend.beam.rigidity import Rigidity
@@ -126,12 +126,8 @@ def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool)
 
 
 def _write_markdown(text: str, path: Path) -> None:
-
-    try:
-        with path.open("a" if not text else "w", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise InputError(f"--markdown {path}: cannot be written: {error.strerror}") from error
+    with writing(path, "--markdown"), path.open("w" if text else "a", encoding="utf-8") as file:
+        file.write(text)
 
 
 def _show_row(row: Row) -> None:

@@ -9,9 +9,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
-from dualbend.beam._check import FloatArray
 from dualbend.planning.shape import HolePose
 from dualbend.scene.bed.config import PinsConfig
 
@@ -45,34 +42,6 @@ def lowest_rim(pose: HolePose, hole_m: float, thickness_m: float) -> float:
     half_t = thickness_m / 2.0
     slope = pose.slope_rad
     return pose.z_m + half_t * (1.0 - math.cos(slope)) - hole_m / 2.0 * math.sin(slope)
-
-
-def pin_radius(pins: PinsConfig, height: FloatArray) -> FloatArray:
-    """Return the pin's radius [m] at heights above the bed; −∞ above the tip.
-
-    A round tip is half a sphere, a tapered one a cone cut off at a third of the radius.
-    """
-    r, below = pins.diameter_m / 2.0, pins.height_m - height
-    if pins.tip == "round":
-        tip = np.sqrt(np.clip(r * r - np.maximum(r - below, 0.0) ** 2, 0.0, None))
-    else:
-        tip = r * (BLUNT + (1.0 - BLUNT) * np.clip(below / pins.taper_length_m, 0.0, 1.0))
-    return np.where(below >= 0.0, tip, -np.inf)
-
-
-def interference(
-    pose: HolePose, along_m: float, hole_m: float, thickness_m: float, pins: PinsConfig
-) -> float:
-    """Return how far a pin at x = along_m reaches beyond the outer wall of a hole [m].
-
-    Negative where there is clearance, −∞ where the wall is above the tip. Exact in the plane of
-    the pin's axis, for a flat plate of the slope of the hole's centre.
-    """
-    sine, cosine = math.sin(pose.slope_rad), math.cos(pose.slope_rad)
-    normal = np.linspace(-thickness_m / 2.0, thickness_m / 2.0, 9)
-    x = pose.x_m + hole_m / 2.0 * cosine - normal * sine
-    height = thickness_m / 2.0 + pose.z_m + hole_m / 2.0 * sine + normal * cosine
-    return float(np.max(along_m + pin_radius(pins, height) - x))
 
 
 def tip_guides(pins: PinsConfig, hole_m: float, thickness_m: float, slope_rad: float) -> float:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 from dualbend.planning.geometry import hole_play, lowest_rim, tip_guides
 from dualbend.planning.shape import HangingSheet, HolePose, hang, shape_family
-from dualbend.scene.bed.config import HolePairConfig, HolesConfig, PinsConfig
+from dualbend.scene.bed.config import HolesConfig, PinsConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,45 +65,49 @@ class Layout:
     def guide_slack_m(self, shape: HangingSheet) -> float:
         """Return the offset that an outer tip guides, less the hole's [m]; falls with α."""
         s = self.holes.outer.along_m
-        pose = shape.at(s)
-        reach = tip_guides(self.pins, self.hole_m, self.sheet.thickness_m, pose.slope_rad)
-        return reach - self.approach_m(pose, s)
+        return self.guide_m(shape.at(s)) - self.approach_m(shape.at(s), s)
+
+    def guide_m(self, pose: HolePose) -> float:
+        """Return the offset of a hole at a pose from which an outer tip guides it in [m]."""
+        return tip_guides(self.pins, self.hole_m, self.sheet.thickness_m, pose.slope_rad)
 
 
 def check_layout(layout: Layout) -> None:
-    """Raise InputError where holes or pins overlap or leave the sheet, or a tip is too long."""
-    for problem in _problems(layout):
-        raise InputError(problem)
+    """Raise InputError where holes or pins overlap or leave the sheet, or a tip is too long.
 
-
-def _problems(layout: Layout) -> Iterator[str]:
-    """Yield what is wrong at any bending angle: key, value, what would be right."""
+    The message gives key, value and what would be right, at any bending angle.
+    """
     sheet, holes, pins = layout.sheet, layout.holes, layout.pins
     D, d = layout.hole_m, pins.diameter_m
     named = (("middle", holes.middle), ("outer", holes.outer))
     if pins.tip == "taper" and pins.taper_length_m > pins.height_m:
-        yield (
+        raise InputError(
             f"pins.taper_length_m = {pins.taper_length_m:g} is longer than the pin: it must not "
             f"exceed pins.height_m = {pins.height_m:g}"
         )
     if pins.tip == "round" and d / 2.0 > pins.height_m:
-        yield (
+        raise InputError(
             f"pins.height_m = {pins.height_m:g} is too short for a round tip: it must be "
             f"pins.diameter_m / 2 = {d / 2.0:g} or more"
         )
     if holes.outer.along_m <= holes.middle.along_m:
-        yield (
+        raise InputError(
             f"holes.outer.along_m = {holes.outer.along_m:g} must be above holes.middle.along_m = "
             f"{holes.middle.along_m:g}"
         )
     for (one, p), (other, q) in itertools.combinations_with_replacement(named, 2):
-        gap = _nearest(p, q, same=one == other)
-        both = f"the two of holes.{one}" if one == other else f"holes.{one} and holes.{other}"
+        gap = math.hypot(p.along_m + q.along_m, p.across_m + q.across_m)
+        both = f"the two of holes.{one}"
+        if one != other:
+            gap = min(gap, math.hypot(p.along_m - q.along_m, p.across_m - q.across_m))
+            both = f"holes.{one} and holes.{other}"
         where = f"{both} are {gap:.6g} m apart"
         if gap <= d:
-            yield f"{where}: their pins overlap, it must be more than pins.diameter_m = {d:g}"
+            raise InputError(
+                f"{where}: their pins overlap, it must be more than pins.diameter_m = {d:g}"
+            )
         if gap < 1.5 * D:
-            yield f"{where}: it must be {1.5 * D:.6g} (1.5 diameters) or more"
+            raise InputError(f"{where}: it must be {1.5 * D:.6g} (1.5 diameters) or more")
     # A hole's radius of material between the hole and the edge.
     for name, pair in named:
         for key, value, edge in (
@@ -112,15 +115,7 @@ def _problems(layout: Layout) -> Iterator[str]:
             ("across_m", abs(pair.across_m), sheet.width_m / 2.0 - D),
         ):
             if value > edge:
-                yield (
+                raise InputError(
                     f"holes.{name}.{key} = {getattr(pair, key):g} is off the sheet or within a "
                     f"hole's radius of its edge: its size must not exceed {edge:.6g}"
                 )
-
-
-def _nearest(p: HolePairConfig, q: HolePairConfig, *, same: bool) -> float:
-    """Return the shortest distance of two holes, one of each pair."""
-    across = math.hypot(p.along_m + q.along_m, p.across_m + q.across_m)
-    if same:
-        return across
-    return min(across, math.hypot(p.along_m - q.along_m, p.across_m - q.across_m))

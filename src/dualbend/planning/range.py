@@ -24,17 +24,13 @@ class AngleRange:
     """Bending angles [rad]: the range is [clear_rad, highest_rad], limit says what ends it.
 
     reach_rad: unfolding, the rims of the outer holes come level with the tips. clear_rad: they
-    are margin_m above. fit_rad: the middle pair has no free play left. seat_rad: the middle holes
-    are level with their tips. yield_rad (None: not given, or beyond the rest) and grippers_rad: the
-    sheet yields, the grippers meet. fit_rad and seat_rad are HIGHEST_RAD where nothing binds.
+    are margin_m above. fit_rad: the middle pair has no free play left; HIGHEST_RAD where nothing
+    binds.
     """
 
     reach_rad: float
     clear_rad: float
     fit_rad: float
-    seat_rad: float
-    yield_rad: float | None
-    grippers_rad: float
     highest_rad: float
     limit: Limit
 
@@ -51,11 +47,12 @@ class Failure:
 
 def solve_range(layout: Layout) -> AngleRange | Failure:
     """Return the range of a layout that check_layout passes, or the first condition that fails."""
-    strained = _yield_angle(layout)
     met = elastica.end_slope_from_half_distance(layout.min_half_distance_m, layout.sheet.length_m)
-    tops: list[tuple[float, Limit]] = [(HIGHEST_RAD, "upright ends"), (met, "grippers")]
-    if strained is not None:
-        tops.append((strained, "yield"))
+    tops: list[tuple[float, Limit]] = [
+        (HIGHEST_RAD, "upright ends"),
+        (met, "grippers"),
+        (_yield_angle(layout), "yield"),
+    ]
     top, limit = min(tops, key=lambda end: end[0])
     fails = partial(Failure, top_rad=top, limit=limit)
     at_top = layout.hang(top)
@@ -64,12 +61,14 @@ def solve_range(layout: Layout) -> AngleRange | Failure:
     clear = _lifted(layout, layout.margin_m, top)
     reach = _lifted(layout, 0.0, clear)
     at_clear, at_reach = layout.hang(clear), layout.hang(reach)
-    if layout.fit_slack_m(at_clear) < 0.0:
-        return fails(reason="no room", shape=at_clear)
-    if layout.seat_slack_m(at_clear) < 0.0:
-        return fails(reason="above tips", shape=at_clear)
-    if layout.guide_slack_m(at_reach) < 0.0:
-        return fails(reason="not guided", shape=at_reach)
+    checks: list[tuple[Reason, HangingSheet, float]] = [
+        ("no room", at_clear, layout.fit_slack_m(at_clear)),
+        ("above tips", at_clear, layout.seat_slack_m(at_clear)),
+        ("not guided", at_reach, layout.guide_slack_m(at_reach)),
+    ]
+    for reason, shape, slack in checks:
+        if slack < 0.0:
+            return fails(reason=reason, shape=shape)
     fit = highest_angle(layout, layout.fit_slack_m, clear, HIGHEST_RAD)
     seat = highest_angle(layout, layout.seat_slack_m, clear, HIGHEST_RAD)
     ends: list[tuple[float, Limit]] = [(top, limit), (fit, "middle pair"), (seat, "pin height")]
@@ -78,9 +77,6 @@ def solve_range(layout: Layout) -> AngleRange | Failure:
         reach_rad=reach,
         clear_rad=clear,
         fit_rad=fit,
-        seat_rad=seat,
-        yield_rad=strained,
-        grippers_rad=met,
         highest_rad=highest,
         limit=limit,
     )
@@ -100,14 +96,14 @@ def highest_angle(
     return falls_to_zero(lambda alpha: slack(layout.hang(alpha)), low, high)
 
 
-def _yield_angle(layout: Layout) -> float | None:
+def _yield_angle(layout: Layout) -> float:
+    """Return the angle at which the sheet yields, or HIGHEST_RAD where it does not."""
     strain = layout.yield_strain
     if strain is None:
-        return None
+        return HIGHEST_RAD
     if not strain > 0.0:
         raise InputError(f"yield_strain must be above 0, got {strain!r}")
-    found = highest_angle(layout, lambda shape: strain - shape.strain, LOWEST_RAD, HIGHEST_RAD)
-    return found if found < HIGHEST_RAD else None
+    return highest_angle(layout, lambda shape: strain - shape.strain, LOWEST_RAD, HIGHEST_RAD)
 
 
 def _lifted(layout: Layout, lift_m: float, top: float) -> float:

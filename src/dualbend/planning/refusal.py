@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
 import msgspec
 
@@ -16,8 +16,6 @@ from dualbend.planning.range import AngleRange, Failure, falls_to_zero, highest_
 from dualbend.planning.shape import LOWEST_RAD, HangingSheet
 from dualbend.scene.bed.config import HolesConfig, PinsConfig
 
-S = TypeVar("S", bound=msgspec.Struct)
-
 LENGTH_STEP_M: Final = 1e-5
 CLEARANCE_STEP_M: Final = 1e-6
 """Proposed values are rounded to multiples of these, towards more clearance."""
@@ -26,10 +24,7 @@ CLEARANCE_STEP_M: Final = 1e-6
 def angle_range(layout: Layout) -> AngleRange:
     """Return the range of bending angles of a layout.
 
-    Raises
-    ------
-    InputError
-        There is none; the message says what is missing [mm] and which single number would do.
+    Raises InputError where there is none, with what is missing [mm] and which number would do.
     """
     check_layout(layout)
     found = solve_range(layout)
@@ -121,17 +116,13 @@ def _proposal(
 
 
 def _with_value(layout: Layout, key: str, value: float) -> Layout:
-    part, *path = key.split(".")
-    if part == "pins":
-        return replace(layout, pins=_replaced(layout.pins, path, value))
-    return replace(layout, holes=_replaced(layout.holes, path, value))
-
-
-def _replaced(struct: S, path: Sequence[str], value: float) -> S:
-    """Return a structure with the number changed that a path of names leads to."""
-    name, *rest = path
-    changed = _replaced(getattr(struct, name), rest, value) if rest else value
-    return msgspec.structs.replace(struct, **{name: changed})
+    """Return a layout with the number changed that a key names, holes.middle.along_m say."""
+    part, *inner, name = key.split(".")
+    struct, changed = getattr(layout, part), {name: value}
+    for pair in inner:
+        changed = {pair: msgspec.structs.replace(getattr(struct, pair), **changed)}
+    given: dict[str, Any] = {part: msgspec.structs.replace(struct, **changed)}
+    return replace(layout, **given)
 
 
 def _middle_along(layout: Layout, shape: HangingSheet) -> float:

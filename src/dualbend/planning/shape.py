@@ -83,12 +83,8 @@ def hang(sheet: Sheet, alpha: float, *, weight: bool = True) -> HangingSheet:
     (beam.rod.planar.solve_symmetric). Without it, and below LOWEST_RAD, they are those of the
     closed form: there a hanging sheet that cannot stretch would be taut (P → −∞ as 1/α), but this
     one lies on a bed. For 0.5 mm aluminium of 0.4 m the weight lowers the holes against the middle
-    by 0.02 mm and takes 1 % off their approach at 0.13 rad.
-
-    Raises
-    ------
-    InputError
-        α lies outside [0, HIGHEST_RAD], or the reference solution finds no state.
+    by 0.02 mm and takes 1 % off their approach at 0.13 rad. Raises InputError where α lies outside
+    [0, HIGHEST_RAD], or the reference solution finds no state.
     """
     within("end slope α [rad]", alpha, 0.0, HIGHEST_RAD)
     if weight and alpha >= LOWEST_RAD:
@@ -96,16 +92,10 @@ def hang(sheet: Sheet, alpha: float, *, weight: bool = True) -> HangingSheet:
     return _by_closed_form(sheet, alpha)
 
 
-def _half_sheet(
-    sheet: Sheet,
-    alpha: float,
-    s: FloatArray,
-    nodes: FloatArray,
-    curvature: FloatArray,
-    numbers: tuple[float, float, float, float],
-) -> HangingSheet:
-    """Return the half sheet; the numbers are rise, end force, end moment and surface strain."""
-    rise, force, moment, strain = numbers
+def _half_sheet(sheet: Sheet, alpha: float, s: FloatArray, row: FloatArray) -> HangingSheet:
+    """Return the half sheet of a row: x, z, θ, curvature over s, then rise, P, M and strain."""
+    x, z, theta, curvature = row[:-4].reshape(4, -1)
+    rise, force, moment, strain = row[-4:].tolist()
     return HangingSheet(
         alpha_rad=alpha,
         half_distance_m=elastica.half_distance(alpha, sheet.length_m),
@@ -114,8 +104,8 @@ def _half_sheet(
         end_moment_nm=moment,
         strain=strain,
         s_m=s,
-        nodes=nodes,
-        rates=np.stack([np.cos(nodes[2]), np.sin(nodes[2]), curvature]),
+        nodes=np.stack([x, z, theta]),
+        rates=np.stack([np.cos(theta), np.sin(theta), curvature]),
     )
 
 
@@ -127,10 +117,11 @@ def _by_reference(sheet: Sheet, alpha: float) -> HangingSheet:
         raise InputError(f"no shape of the hanging sheet found at {alpha:.4f} rad: {state.reason}")
     middle = state.s_m.size // 2
     x, z = (row[middle:] - row[middle] for row in (state.x_m, state.z_m))
-    nodes, curvature = np.stack([x, z, -state.theta_rad[middle:]]), -state.curvature_per_m[middle:]
+    theta, curvature = -state.theta_rad[middle:], -state.curvature_per_m[middle:]
     strain = float(np.max(np.abs(curvature))) * sheet.thickness_m / 2.0
     numbers = (state.rise_m, state.end_force_n, state.end_moment_nm, strain)
-    return _half_sheet(sheet, alpha, state.s_m[middle:] - L / 2.0, nodes, curvature, numbers)
+    row = np.concatenate([x, z, theta, curvature, numbers])
+    return _half_sheet(sheet, alpha, state.s_m[middle:] - L / 2.0, row)
 
 
 def _by_closed_form(sheet: Sheet, alpha: float) -> HangingSheet:
@@ -139,11 +130,11 @@ def _by_closed_form(sheet: Sheet, alpha: float) -> HangingSheet:
     x, z, theta = elastica.shape(alpha, L, s + L / 2.0)
     # κ² = 2 (P/EI) (cos θ − cos α), written without a difference of nearly equal cosines.
     drop = np.maximum(math.sin(alpha / 2.0) ** 2 - np.sin(theta / 2.0) ** 2, 0.0)
-    nodes = np.stack([x - x[0], z - z[0], -theta])
     curvature = 2.0 * np.sqrt(elastica.end_force(alpha, 1.0, L) * drop)
     rise, force = elastica.rise(alpha, L), elastica.end_force(alpha, EI, L)
-    strain = elastica.surface_strain(alpha, L, sheet.thickness_m)
-    return _half_sheet(sheet, alpha, s, nodes, curvature, (rise, force, 0.0, strain))
+    numbers = (rise, force, 0.0, elastica.surface_strain(alpha, L, sheet.thickness_m))
+    row = np.concatenate([x - x[0], z - z[0], -theta, curvature, numbers])
+    return _half_sheet(sheet, alpha, s, row)
 
 
 @lru_cache(maxsize=16)
@@ -156,11 +147,8 @@ def shape_family(sheet: Sheet) -> Callable[[float], HangingSheet]:
     """
     u = np.linspace(0.0, math.sqrt(HIGHEST_RAD - LOWEST_RAD), NODES)
     shapes = [_by_reference(sheet, min(LOWEST_RAD + float(v) ** 2, HIGHEST_RAD)) for v in u]
-    numbers = [(h.rise_m, h.end_force_n * h.alpha_rad, h.end_moment_nm, h.strain) for h in shapes]
-    rows = [
-        np.concatenate([h.nodes.ravel(), h.rates[2], own])
-        for h, own in zip(shapes, numbers, strict=True)
-    ]
+    loads = [(h.rise_m, h.end_force_n * h.alpha_rad, h.end_moment_nm, h.strain) for h in shapes]
+    rows = [np.hstack([*h.nodes, h.rates[2], own]) for h, own in zip(shapes, loads, strict=True)]
     spline, s = CubicSpline(u, np.stack(rows)), shapes[0].s_m
 
     def look_up(alpha: float) -> HangingSheet:
@@ -168,9 +156,7 @@ def shape_family(sheet: Sheet) -> Callable[[float], HangingSheet]:
         if alpha < LOWEST_RAD:
             return _by_closed_form(sheet, alpha)
         row = np.asarray(spline(math.sqrt(alpha - LOWEST_RAD)))
-        nodes, curvature = row[: 3 * s.size].reshape(3, -1), row[3 * s.size : -4]
-        rise, force_alpha, moment, strain = row[-4:].tolist()
-        numbers = (rise, force_alpha / alpha, moment, strain)
-        return _half_sheet(sheet, alpha, s, nodes, curvature, numbers)
+        row[-3] /= alpha
+        return _half_sheet(sheet, alpha, s, row)
 
     return look_up

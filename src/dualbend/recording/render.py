@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.errors import InputError
+from dualbend.errors import InputError, writing
 from dualbend.recording.layers import layers_of
 from dualbend.recording.offscreen import no_opengl
 from dualbend.run.loop import Run
@@ -118,13 +118,11 @@ def write_video(result: RunRecord, path: Path, look: Look) -> int:
     shown = np.array([_row_at(rows, look.at_s)]) if still else frame_rows(rows, look)
     with Stage(result, look) as stage:
         frames = [stage.picture(row) for row in shown.tolist()]
-    try:
+    with writing(path, "--out"):
         if still:
             frames[0].save(path)
         else:
             _save_gif(frames, path, frame_times_ms(len(frames), look.fps))
-    except OSError as error:
-        raise InputError(f"--out {path}: cannot be written: {error.strerror or error}") from error
     return len(frames)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from dualbend.errors import InputError
+from dualbend.errors import writing
 from dualbend.run.record import Metric, RunRecord
 from dualbend.table import Column, Columns, Table
 
@@ -111,7 +111,7 @@ def write_comparison(
     from dualbend.report.figures import plot_compared_moments  # noqa: PLC0415
 
     text = report_text(found)
-    try:
+    with writing(folder, "--out"):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "compare.txt").write_text(text + "\n", encoding="utf-8")
         plot_compared_moments((a, b), found.labels, folder / "compare.png")
@@ -119,8 +119,6 @@ def write_comparison(
             from dualbend.recording.compare import write_compared_recording  # noqa: PLC0415
 
             write_compared_recording((a, b), found.labels, text, folder / "compare.rrd")
-    except OSError as error:
-        raise InputError(f"--out {folder}: cannot be written: {error.strerror or error}") from error
 
 
 def _controllers(a: RunRecord, b: RunRecord) -> list[dict[str, str]]:

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
-from dualbend.errors import InputError
+from dualbend.errors import writing
 from dualbend.report.moment import is_bending, knots_of, moment_plot, recorded_moments
 from dualbend.report.plot import COLOURS, LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot
 from dualbend.report.sections.tables import ended
@@ -155,7 +155,5 @@ def plot_stability_map(panels: Sequence[Panel], title: str, path: Path) -> None:
         axes.plot([], [], color="0.3", linestyle="dashed", label="paper (23)")
         axes.legend(fontsize="small", loc="upper left")
     figure.suptitle(f"{title}; shaded: unstable")
-    try:
+    with writing(path, "--map", also=ValueError):
         figure.savefig(path, dpi=_DPI)
-    except (OSError, ValueError) as error:
-        raise InputError(f"--map {path}: cannot be written: {error}") from error

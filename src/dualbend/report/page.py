@@ -6,7 +6,7 @@ import importlib.metadata
 from collections.abc import Sequence
 from pathlib import Path
 
-from dualbend.errors import InputError
+from dualbend.errors import writing
 from dualbend.evaluation.sheet import no_theory
 from dualbend.report.bokeh import library, plots_data
 from dualbend.report.moment import (
@@ -52,11 +52,9 @@ def write_report(folders: Sequence[Path], out: Path) -> None:
     """
     runs = [load_run(folder, unfinished=True) for folder in folders]
     text = report(runs)
-    try:
+    with writing(out, "--out"):
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be written: {error.strerror or error}") from error
 
 
 def report(runs: Sequence[RunRecord]) -> str:

@@ -45,10 +45,10 @@ def _placed(scenario: Scenario, side: Side, targets: Mapping[Side, Vector] | Non
         return PlacedArm(model=model, placement=Placement(**given))
     try:
         wanted = path_targets(scenario) if targets is None else targets[side]
-        found = find_placement(model.name, wanted, given)
+        placement = find_placement(model.name, wanted, given)
     except InputError as error:
         raise InputError(f"scenario {scenario.name!r}, {side} arm: {error}") from error
-    return PlacedArm(model=model, placement=found.placement)
+    return PlacedArm(model=model, placement=placement)
 
 
 def path_targets(scenario: Scenario) -> Vector:

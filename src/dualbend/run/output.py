@@ -15,7 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dualbend.errors import InputError
+from dualbend.errors import writing
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import TraceStream
@@ -24,12 +24,10 @@ from dualbend.scenario.scenario import Scenario
 
 def prepare_folder(folder: Path) -> None:
     """Make the folder, before anything is computed; InputError where that cannot be."""
-    try:
+    with writing(folder, "--out"):
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as error:
-        raise InputError(f"--out {folder}: cannot be written to: {error.strerror}") from error
 
 
 @contextmanager

@@ -8,42 +8,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.beam.time_law import ConstantSpeed, TimeLaw, TrapezoidalSpeed
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.scenario.path import PathConfig
-from dualbend.types import Vector
+from dualbend.types import Config, Vector, said
 
 Phase = Literal["settle", "bend", "hold", "return", "rest"]
 PHASES: tuple[Phase, ...] = ("settle", "bend", "hold", "return", "rest")
 
 
-class MotionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class MotionConfig(Config):
     """How fast the bending angle grows and how long the arms hold before and after."""
 
-    speed_rad_per_s: Annotated[
-        float, msgspec.Meta(gt=0, le=5, description="of the bending angle")
-    ] = 0.1
+    speed_rad_per_s: Annotated[float, said("of the bending angle", gt=0, le=5)] = 0.1
     acceleration_rad_per_s2: (
-        Annotated[float, msgspec.Meta(gt=0, description="of a trapezoidal speed; none: constant")]
-        | None
+        Annotated[float, said("of a trapezoidal speed; none: constant", gt=0)] | None
     ) = None
-    settle_s: Annotated[
-        float, msgspec.Meta(ge=0, le=600, description="the arms hold the start before they bend")
-    ] = 1.0
-    hold_s: Annotated[
-        float, msgspec.Meta(ge=0, le=600, description="the arms hold the end after they bent")
-    ] = 1.0
+    settle_s: Annotated[float, said("the arms hold the start before they bend", ge=0, le=600)] = 1.0
+    hold_s: Annotated[float, said("the arms hold the end after they bent", ge=0, le=600)] = 1.0
     return_rad: (
-        Annotated[
-            float,
-            msgspec.Meta(
-                ge=0, description="bending angle to which they then go back; none: they do not"
-            ),
-        ]
+        Annotated[float, said("bending angle to which they then go back; none: they do not", ge=0)]
         | None
     ) = None
 

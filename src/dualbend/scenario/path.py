@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated, TypeAlias
 
-import msgspec
-
 from dualbend.beam.elastica import END_SLOPE_GRIPPERS_MEET
 from dualbend.beam.path import (
     ApproximatePath,
@@ -15,14 +13,14 @@ from dualbend.beam.path import (
     TablePath,
 )
 from dualbend.errors import InputError
-from dualbend.types import Tagged
+from dualbend.types import Tagged, said
 
 
-class _Ends(Tagged, frozen=True, kw_only=True):
+class _Ends(Tagged):
     """From which to which bending angle a path goes."""
 
-    start_rad: Annotated[float, msgspec.Meta(ge=0, description="bending angle at the start")] = 0.0
-    end_rad: Annotated[float, msgspec.Meta(gt=0, description="bending angle at the end")] = 1.0
+    start_rad: Annotated[float, said("bending angle at the start", ge=0)] = 0.0
+    end_rad: Annotated[float, said("bending angle at the end", gt=0)] = 1.0
 
     def __post_init__(self) -> None:
         """Refuse angles at which the grippers meet."""
@@ -46,10 +44,10 @@ class _Ends(Tagged, frozen=True, kw_only=True):
         raise NotImplementedError
 
 
-class PiecewisePathConfig(_Ends, frozen=True, kw_only=True, tag="piecewise"):
+class PiecewisePathConfig(_Ends, tag="piecewise"):
     """Straight pieces between poses without end moment, each of one length but for the last."""
 
-    interval_rad: Annotated[float, msgspec.Meta(ge=1e-4, description="length of a linear piece")]
+    interval_rad: Annotated[float, said("length of a linear piece", ge=1e-4)]
 
     def _of(self, length_m: float) -> BendingPath:
         return PiecewiseLinearPath.from_interval(
@@ -57,12 +55,10 @@ class PiecewisePathConfig(_Ends, frozen=True, kw_only=True, tag="piecewise"):
         )
 
 
-class PiecesPathConfig(_Ends, frozen=True, kw_only=True, tag="pieces"):
+class PiecesPathConfig(_Ends, tag="pieces"):
     """A number of equal straight pieces between poses without end moment."""
 
-    pieces: Annotated[
-        int, msgspec.Meta(ge=1, le=1000, description="number of pieces", examples=[5])
-    ]
+    pieces: Annotated[int, said("number of pieces", ge=1, le=1000, examples=[5])]
 
     def _of(self, length_m: float) -> BendingPath:
         return PiecewiseLinearPath.from_count(
@@ -70,35 +66,33 @@ class PiecesPathConfig(_Ends, frozen=True, kw_only=True, tag="pieces"):
         )
 
 
-class ExactPathConfig(_Ends, frozen=True, kw_only=True, tag="exact"):
+class ExactPathConfig(_Ends, tag="exact"):
     """The grip poses at which the sheet has no end moment, by elliptic integrals."""
 
     def _of(self, length_m: float) -> BendingPath:
         return ExactPath(length_m, self.end_rad, self.start_rad)
 
 
-class ApproximatePathConfig(_Ends, frozen=True, kw_only=True, tag="approximate"):
+class ApproximatePathConfig(_Ends, tag="approximate"):
     """A polynomial in place of the elliptic integrals."""
 
     def _of(self, length_m: float) -> BendingPath:
         return ApproximatePath(length_m, self.end_rad, self.start_rad)
 
 
-class TablePathConfig(_Ends, frozen=True, kw_only=True, tag="table"):
+class TablePathConfig(_Ends, tag="table"):
     """Your own grip poses."""
 
     table: Annotated[
         tuple[tuple[float, float, float], ...],
-        msgspec.Meta(
-            min_length=2,
-            description="rows of bending angle in rad, half distance of the grips and their "
+        said(
+            "rows of bending angle in rad, half distance of the grips and their "
             "rise above the sheet's middle in m",
+            min_length=2,
             examples=[[[0.0, 0.2, 0.0], [1.0, 0.167, 0.0926]]],
         ),
     ]
-    smooth: Annotated[
-        bool, msgspec.Meta(description="a cubic spline through the table's rows, else straight")
-    ] = False
+    smooth: Annotated[bool, said("a cubic spline through the table's rows, else straight")] = False
 
     def _of(self, length_m: float) -> BendingPath:
         return TablePath(length_m, self.table, self.smooth, self.end_rad, self.start_rad)

@@ -27,27 +27,26 @@ from dualbend.scenario.sections import (
 from dualbend.scenario.sheet import SheetConfig
 from dualbend.scenario.task import AnyTask, default_task
 from dualbend.scene.cell import CellConfig, GraspConfig
+from dualbend.types import Config, said
 
 LONGEST_RUN_S = 3600.0
 """A run of an hour holds some 10⁵ cycles in memory."""
 
 
-class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Scenario(Config):
     """Everything about a run."""
 
     name: Annotated[
         str,
-        msgspec.Meta(
+        said(
+            "letters, digits and . _ + -; names the folder of the results",
             min_length=1,
             max_length=100,
             pattern=r"^[A-Za-z0-9][\w.+-]*\Z",
-            description="letters, digits and . _ + -; names the folder of the results",
         ),
     ]
-    description: Annotated[
-        str, msgspec.Meta(description="what the scenario shows, in one line")
-    ] = ""
-    seed: Annotated[int, msgspec.Meta(ge=0, description="of the sensor's noise")] = 1
+    description: Annotated[str, said("what the scenario shows, in one line")] = ""
+    seed: Annotated[int, said("of the sensor's noise", ge=0)] = 1
     sheet: SheetConfig
     path: PathConfig
     motion: MotionConfig = MotionConfig()

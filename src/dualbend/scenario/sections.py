@@ -14,30 +14,24 @@ from dualbend.control.response import CommandResponseConfig
 from dualbend.control.servo import JointServoConfig, StiffnessConfig
 from dualbend.errors import InputError
 from dualbend.scene.cell import CellConfig, PlacementConfig
-from dualbend.types import SIDES, Side
+from dualbend.types import SIDES, Config, Side, said
 
 Outcome = Literal["completed", "aborted", "protective_stop", "failed"]
 
 
-class SideConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class SideConfig(Config):
     """What one arm has of its own; what is not given is as for both arms."""
 
     model: (
-        Annotated[
-            ArmName,
-            msgspec.Meta(description="kind of this arm, if another", extra={"replaces": ()}),
-        ]
-        | None
+        Annotated[ArmName, said("kind of this arm, if another", extra={"replaces": ()})] | None
     ) = None
     servo: StiffnessConfig = StiffnessConfig()
 
 
-class RobotConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class RobotConfig(Config):
     """Both arms: the PUMA 560, or one of those that the package example-robot-data describes."""
 
-    model: Annotated[
-        ArmName, msgspec.Meta(description="kind of both arms", extra={"replaces": ()})
-    ] = "puma560"
+    model: Annotated[ArmName, said("kind of both arms", extra={"replaces": ()})] = "puma560"
     left: SideConfig = SideConfig()
     right: SideConfig = SideConfig()
     response: CommandResponseConfig = CommandResponseConfig()
@@ -124,14 +118,11 @@ def _without_stiffness(table: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in servo.items() if key != "stiffness_n_m_per_rad"}
 
 
-class PhysicsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PhysicsConfig(Config):
     """The physics step."""
 
     step_s: Annotated[
-        float,
-        msgspec.Meta(
-            ge=1e-5, le=0.028, description="of the integrator; divides the command period of 28 ms"
-        ),
+        float, said("of the integrator; divides the command period of 28 ms", ge=1e-5, le=0.028)
     ] = 0.00175
 
     def __post_init__(self) -> None:
@@ -139,9 +130,9 @@ class PhysicsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fi
         steps_per_cycle(self.step_s, COMMAND_PERIOD_S)
 
 
-class ExpectConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ExpectConfig(Config):
     """Outcomes that are no failure of the command: exit code 0."""
 
-    outcome: Annotated[
-        tuple[Outcome, ...], msgspec.Meta(min_length=1, description="how the run may end")
-    ] = ("completed",)
+    outcome: Annotated[tuple[Outcome, ...], said("how the run may end", min_length=1)] = (
+        "completed",
+    )

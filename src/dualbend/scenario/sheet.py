@@ -5,8 +5,6 @@ from __future__ import annotations
 import functools
 from typing import Annotated
 
-import msgspec
-
 from dualbend.beam import plastic
 from dualbend.beam.laminate import Laminate, Layer
 from dualbend.beam.material import Material, find_material
@@ -15,6 +13,7 @@ from dualbend.beam.sheet import Anisotropy, Sheet
 from dualbend.errors import InputError
 from dualbend.scene.sheet.shell import ShellConfig
 from dualbend.scene.sheet.strips import StripConfig
+from dualbend.types import Config, said
 
 _PROPERTIES = ("young_pa", "poisson_ratio", "density_kg_per_m3")
 _NUMBERS = (*_PROPERTIES, "yield_pa", "tangent_pa")
@@ -155,31 +154,29 @@ def _named(name: str, key: str) -> Material:
         raise InputError(f"{key} = {name!r}: {error}") from error
 
 
-class LayerConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class LayerConfig(Config):
     """One layer of a laminate, from the sheet's lower face to its upper one."""
 
-    material: Annotated[str, msgspec.Meta(description="from `dualbend materials`")]
-    thickness_m: Annotated[float, msgspec.Meta(ge=1e-6, le=0.01, description="of this layer")]
+    material: Annotated[str, said("from `dualbend materials`")]
+    thickness_m: Annotated[float, said("of this layer", ge=1e-6, le=0.01)]
 
 
-class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class SheetConfig(Config):
     """Size, material and division of the sheet; the length is the free one between the grips.
 
     The material is one of the library (`dualbend materials`), or numbers, or both: a number that
     is given wins. A laminate's layers say thickness and all properties.
     """
 
-    length_m: Annotated[
-        float, msgspec.Meta(ge=0.05, le=3.0, description="free length between the grips")
-    ]
-    width_m: Annotated[float, msgspec.Meta(ge=0.005, le=3.0, description="along the bending axis")]
+    length_m: Annotated[float, said("free length between the grips", ge=0.05, le=3.0)]
+    width_m: Annotated[float, said("along the bending axis", ge=0.005, le=3.0)]
     thickness_m: (
         Annotated[
             float,
-            msgspec.Meta(
+            said(
+                "at most a twentieth of length and width; none: that of the layers",
                 ge=1e-5,
                 le=0.01,
-                description="at most a twentieth of length and width; none: that of the layers",
             ),
         ]
         | None
@@ -187,8 +184,8 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     material: (
         Annotated[
             str,
-            msgspec.Meta(
-                description="from `dualbend materials`; gives what is none below",
+            said(
+                "from `dualbend materials`; gives what is none below",
                 extra={"replaces": ("layers", *_NUMBERS)},
             ),
         ]
@@ -197,54 +194,34 @@ class SheetConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     layers: (
         Annotated[
             tuple[LayerConfig, ...],
-            msgspec.Meta(
+            said(
+                "a laminate from its lower to its upper face, symmetric",
                 min_length=1,
                 max_length=50,
-                description="a laminate from its lower to its upper face, symmetric",
                 extra={"replaces": ("material", "thickness_m", *_NUMBERS)},
             ),
         ]
         | None
     ) = None
-    young_pa: (
-        Annotated[float, msgspec.Meta(ge=1e8, le=1e12, description="Young's modulus")] | None
-    ) = None
+    young_pa: Annotated[float, said("Young's modulus", ge=1e8, le=1e12)] | None = None
     poisson_ratio: (
-        Annotated[
-            float, msgspec.Meta(ge=0, lt=0.5, description="enters the twist and a plate's rigidity")
-        ]
-        | None
+        Annotated[float, said("enters the twist and a plate's rigidity", ge=0, lt=0.5)] | None
     ) = None
-    density_kg_per_m3: (
-        Annotated[float, msgspec.Meta(ge=100, le=25000, description="mass density")] | None
-    ) = None
-    yield_pa: (
-        Annotated[float, msgspec.Meta(gt=0, description="0.2 % yield strength; none: not known")]
-        | None
-    ) = None
-    tangent_pa: (
-        Annotated[float, msgspec.Meta(ge=0, description="slope of the stress beyond yield")] | None
-    ) = None
+    density_kg_per_m3: Annotated[float, said("mass density", ge=100, le=25000)] | None = None
+    yield_pa: Annotated[float, said("0.2 % yield strength; none: not known", gt=0)] | None = None
+    tangent_pa: Annotated[float, said("slope of the stress beyond yield", ge=0)] | None = None
     rigidity: Annotated[
         Rigidity,
-        msgspec.Meta(
-            description="bends as a beam (EI), as a plate (EI / (1 - nu²)), or between them by its "
-            "width"
-        ),
+        said("bends as a beam (EI), as a plate (EI / (1 - nu²)), or between them by its width"),
     ] = "beam"
     curvature_per_m: (
         Annotated[
             float,
-            msgspec.Meta(
-                ge=0,
-                description='at which rigidity = "width" is taken; none: largest of the path [1/m]',
-            ),
+            said('at which rigidity = "width" is taken; none: largest of the path [1/m]', ge=0),
         ]
         | None
     ) = None
-    plastic: Annotated[
-        bool, msgspec.Meta(description="it yields and springs back; false: it stays elastic")
-    ] = False
+    plastic: Annotated[bool, said("it yields and springs back; false: it stays elastic")] = False
     model: StripConfig | ShellConfig = StripConfig()
 
     def __post_init__(self) -> None:

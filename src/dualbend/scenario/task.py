@@ -14,17 +14,11 @@ from dualbend.registry import TASKS
 from dualbend.scenario.motion import MotionConfig
 from dualbend.scenario.sheet import SheetConfig
 from dualbend.scene.bed.config import LayoutConfig
+from dualbend.types import Tagged
 
 
-class TaskConfig(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind"
-):
+class TaskConfig(Tagged):
     """What the scenario asks of a task; the struct of each task derives from it, with its tag."""
-
-    @property
-    def kind(self) -> str:
-        """The name of the task."""
-        return str(self.__struct_config__.tag)
 
     @property
     def carried_share(self) -> float:

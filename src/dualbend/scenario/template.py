@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, writing
 from dualbend.scenario.keys import REQUIRED, Key, Section, sections
 from dualbend.scenario.load import list_scenarios, load_scenario
 from dualbend.scenario.scenario import Scenario
@@ -53,13 +53,12 @@ def write_scenario(name: str, base: str = DEFAULT_BASE, folder: Path | None = No
         raise InputError(f"NAME = {name}: a shipped scenario has this name; take another")
     path = (folder or Path()) / f"{name}.toml"
     text = scenario_text(name, base, beside=path.parent)
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise InputError(f"{path}: exists already and is left as it is") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+    with writing(path):
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+        except FileExistsError as error:
+            raise InputError(f"{path}: exists already and is left as it is") from error
     return path
 
 

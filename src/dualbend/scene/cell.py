@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import msgspec
 import mujoco
 import numpy as np
 
@@ -14,26 +13,12 @@ from dualbend.beam.sheet import Sheet
 from dualbend.control.servo import JointServo
 from dualbend.scene.bed.config import LayoutConfig
 from dualbend.scene.bed.mjcf import GRIPPING, add_holes, add_workplace
-from dualbend.scene.sheet.shell import ShellConfig, add_shell, prepare_for_shell
+from dualbend.scene.mjcf import BOX, DRAWN, SITE, about_z
+from dualbend.scene.sheet.shell import ShellConfig, add_shell
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig, add_sheet
-from dualbend.types import SIDES, Side
-
-__all__ = [
-    "PAD_SITE",
-    "SIDES",
-    "CellConfig",
-    "GraspConfig",
-    "PlacementConfig",
-    "Side",
-    "compose_cell",
-    "robots_only",
-    "without_looks",
-]
-
-Positive = Annotated[float, msgspec.Meta(gt=0)]
+from dualbend.types import SIDES, Config, Side, said
 
 PAD_SITE = "pad"
-_TRANSLATIONS = ("x", "y", "z")
 _WELD_TIME_S, _WELD_TORQUE_SCALE_M = 5e-4, 10.0
 """Time constant and moment arm of the weld that holds the sheet's edge: MuJoCo caps a constraint's
 impedance, and with the defaults the weld gives way as much as the pads do. Tested: what the sheet
@@ -44,62 +29,47 @@ _PEDESTAL_FROM_M = 0.02
 _JAW_STIFFNESS_N_PER_M, _JAW_FORCE_N = 2e4, 40.0
 
 
-class PlacementConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PlacementConfig(Config):
     """Where one arm stands, by hand; what is not given is as for both arms."""
 
     base_distance_m: (
-        Annotated[
-            float, msgspec.Meta(gt=0.3, lt=3, description="base axis to the mid-plane, along x_B")
-        ]
-        | None
+        Annotated[float, said("base axis to the mid-plane, along x_B", gt=0.3, lt=3)] | None
     ) = None
     base_lateral_m: (
-        Annotated[
-            float,
-            msgspec.Meta(ge=-1, le=1, description="base axis off the bending plane, along y_B"),
-        ]
-        | None
+        Annotated[float, said("base axis off the bending plane, along y_B", ge=-1, le=1)] | None
     ) = None
     base_height_m: (
-        Annotated[
-            float, msgspec.Meta(ge=0, lt=3, description="base frame's origin above the floor")
-        ]
-        | None
+        Annotated[float, said("base frame's origin above the floor", ge=0, lt=3)] | None
     ) = None
     base_yaw_rad: (
-        Annotated[
-            float, msgspec.Meta(ge=-7, le=7, description="base frame about the vertical, from x_B")
-        ]
-        | None
+        Annotated[float, said("base frame about the vertical, from x_B", ge=-7, le=7)] | None
     ) = None
     home_rad: (
         Annotated[
             tuple[float, ...],
-            msgspec.Meta(
-                min_length=6,
-                description="joint angles near the start: the branch of solutions, and the posture "
+            said(
+                "joint angles near the start: the branch of solutions, and the posture "
                 "that a redundant arm keeps",
+                min_length=6,
             ),
         ]
         | None
     ) = None
 
 
-class CellConfig(PlacementConfig, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class CellConfig(PlacementConfig):
     """Where the arms and the sheet stand, in the world (z up, x from the left to the right arm).
 
     What is not given is as documented for the arm (the PUMA's: 1.075, 0.15005, 0.672 m, no yaw), or
     found for the sheet and its path.
     """
 
-    sheet_height_m: Annotated[
-        float, msgspec.Meta(gt=0, lt=3, description="flat sheet above the floor")
-    ] = 0.672
+    sheet_height_m: Annotated[float, said("flat sheet above the floor", gt=0, lt=3)] = 0.672
     left: PlacementConfig | None = None
     right: PlacementConfig | None = None
 
 
-class GraspConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class GraspConfig(Config):
     """Rubber pads between jaw and sheet, as one linear bushing at the gripper centre.
 
     Two pads of 60 x 20 x 3 mm, G = 1.2 MPa, confined E = 10 MPa (assumed): shear 2 G A / t =
@@ -108,21 +78,18 @@ class GraspConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     """
 
     translational_stiffness_n_per_m: Annotated[
-        Positive, msgspec.Meta(description="of the pads along x, y and z")
+        float, said("of the pads along x, y and z", gt=0)
     ] = 0.96e6
     rotational_stiffness_n_m_per_rad: Annotated[
-        Positive, msgspec.Meta(description="of the pads about x, y and z")
+        float, said("of the pads about x, y and z", gt=0)
     ] = 267.0
-    loss_time_s: Annotated[
-        float, msgspec.Meta(ge=0, le=0.1, description="damping over stiffness; rubber")
-    ] = 1.6e-3
+    loss_time_s: Annotated[float, said("damping over stiffness; rubber", ge=0, le=0.1)] = 1.6e-3
 
 
 def robots_only(arms: ArmPair) -> mujoco.MjSpec:
     """Return both arms with their tools and nothing else: no jaws, for IK and inertia."""
     spec = mujoco.MjSpec()
-    spec.modelname = "dualbend robots"
-    spec.compiler.degree = False
+    spec.modelname, spec.compiler.degree = "dualbend robots", False
     for side in SIDES:
         _add_arm(spec, arms, side, looks=False)
         for joint in arm.JAW_JOINTS:
@@ -150,8 +117,7 @@ def compose_cell(
     Without looks, no mesh of an arm is read.
     """
     spec = mujoco.MjSpec()
-    spec.modelname = "dualbend"
-    spec.compiler.degree = False
+    spec.modelname, spec.compiler.degree = "dualbend", False
     spec.option.timestep = step_s
     # The only integrator that treats the strips' stiffness implicitly: the highest bending mode
     # of the chain would otherwise ask for steps of 0.1 ms.
@@ -167,10 +133,10 @@ def compose_cell(
         _add_arm(spec, arms, side, looks=looks)
         _add_pad(spec, grasp, side)
         for i, joint in enumerate(placed.model.joints, arms.joints(side).start):
-            _add_servo(spec, f"{side}_{joint}", servo, i)
+            k, c = float(servo.stiffness[i]), float(servo.damping[i])
+            _add_drive(spec, f"{side}_{joint}", "servo", k, c)
     middle = np.array([0.0, 0.0, cell.sheet_height_m])
     if isinstance(division, ShellConfig):
-        prepare_for_shell(spec)
         add_shell(spec, sheet, division, middle)
     else:
         add_sheet(spec, sheet, division, middle)
@@ -183,9 +149,9 @@ def compose_cell(
             name2=end,
             solref=[_WELD_TIME_S, 1.0],
             solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
+            active=layout is None,
         )
         hold.data[10] = _WELD_TORQUE_SCALE_M
-        hold.active = layout is None
     if layout is not None:
         for side in SIDES:
             _add_jaw_drives(spec, side)
@@ -205,16 +171,15 @@ def without_looks(spec: mujoco.MjSpec) -> mujoco.MjSpec:
 def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> None:
     """Attach one arm with its tool; every name gets the side as a prefix."""
     origin, yaw = arms.base_pose(side)
-    frame = spec.worldbody.add_frame(pos=origin, quat=[np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
-    model = (arms.left if side == "left" else arms.right).model
+    frame = spec.worldbody.add_frame(pos=origin, quat=about_z(yaw))
+    model = arms.of(side).model
     spec.attach(model.spec(looks=looks), frame=frame, prefix=f"{side}_")
     if model.placement is None and origin[2] > _PEDESTAL_FROM_M:
         _add_pedestal(spec.body(f"{side}_base"), float(origin[2]))
-    flange = spec.site(f"{side}_{arm.FLANGE_SITE}")
     tool = arm.load_gripper()
     # Arm and tool share a prefix; two classes of one name would not load again from the XML.
     tool.default.name = "tool_main"
-    spec.attach(tool, site=flange, prefix=f"{side}_")
+    spec.attach(tool, site=f"{side}_{arm.FLANGE_SITE}", prefix=f"{side}_")
 
 
 def _add_pedestal(base: mujoco.MjsBody, height_m: float) -> None:
@@ -226,9 +191,7 @@ def _add_pedestal(base: mujoco.MjsBody, height_m: float) -> None:
             pos=[0.0, 0.0, 0.5 * (top + bottom)],
             rgba=[0.45, 0.47, 0.50, 1.0],
             mass=0.0,
-            contype=0,
-            conaffinity=0,
-            group=2,
+            **DRAWN,
         )
 
 
@@ -237,18 +200,14 @@ def _add_pad(spec: mujoco.MjSpec, grasp: GraspConfig, side: Side) -> None:
     hand = spec.body(f"{side}_hand")
     grip = spec.site(f"{side}_{arm.GRIP_SITE}")
     pad = hand.add_body(name=f"{side}_pad", pos=grip.pos, quat=grip.quat)
-    pad.explicitinertial = True
     # Its weight is held up, so that the bushing's springs read the sheet alone.
-    pad.gravcomp = 1.0
-    pad.mass = 0.01
-    pad.ipos = [0.0, 0.0, 0.0]
-    pad.inertia = [3e-6, 1e-6, 3e-6]
-    kinds = (
+    pad.explicitinertial, pad.mass, pad.gravcomp = True, 0.01, 1.0
+    pad.ipos, pad.inertia = [0.0, 0.0, 0.0], [3e-6, 1e-6, 3e-6]
+    for name, kind, stiffness in (
         ("slide", mujoco.mjtJoint.mjJNT_SLIDE, grasp.translational_stiffness_n_per_m),
         ("tilt", mujoco.mjtJoint.mjJNT_HINGE, grasp.rotational_stiffness_n_m_per_rad),
-    )
-    for name, kind, stiffness in kinds:
-        for axis, letter in zip(np.eye(3), _TRANSLATIONS, strict=True):
+    ):
+        for axis, letter in zip(np.eye(3), "xyz", strict=True):
             pad.add_joint(
                 name=f"{side}_pad_{name}_{letter}",
                 type=kind,
@@ -256,21 +215,22 @@ def _add_pad(spec: mujoco.MjSpec, grasp: GraspConfig, side: Side) -> None:
                 stiffness=stiffness,
                 damping=stiffness * grasp.loss_time_s,
             )
-    pad.add_site(name=f"{side}_{PAD_SITE}", group=4, size=[0.003, 0.003, 0.003])
+    pad.add_site(name=f"{side}_{PAD_SITE}", **SITE)
 
 
-def _add_servo(spec: mujoco.MjSpec, joint: str, servo: JointServo, index: int) -> None:
-    """Add the position servo of one joint: torque = k (u − q) − c q̇, within the joint's limit."""
-    k, c = float(servo.stiffness[index]), float(servo.damping[index])
+def _add_drive(
+    spec: mujoco.MjSpec, joint: str, kind: str, stiffness: float, damping: float
+) -> mujoco.MjsActuator:
+    """Drive a joint to a position: torque = k (u − q) − c q̇, within the joint's limit."""
     actuator = spec.add_actuator(
-        name=f"{joint}_servo",
+        name=f"{joint}_{kind}",
         target=joint,
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
-        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
         biastype=mujoco.mjtBias.mjBIAS_AFFINE,
     )
-    actuator.gainprm[0] = k
-    actuator.biasprm[:3] = [0.0, -k, -c]
+    actuator.gainprm[0] = stiffness
+    actuator.biasprm[1:3] -= [stiffness, damping]
+    return actuator
 
 
 def _add_jaw_drives(spec: mujoco.MjSpec, side: Side) -> None:
@@ -278,7 +238,7 @@ def _add_jaw_drives(spec: mujoco.MjSpec, side: Side) -> None:
     for jaw, above in zip(arm.JAW_JOINTS, (1.0, -1.0), strict=True):
         spec.body(f"{side}_{jaw}").add_geom(
             name=f"{side}_{jaw}_rubber",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
+            type=BOX,
             size=[0.010, 0.030, 0.0015],
             pos=[0.0, 0.0, above * 0.0015],
             mass=0.0,
@@ -290,17 +250,8 @@ def _add_jaw_drives(spec: mujoco.MjSpec, side: Side) -> None:
             solimp=[0.999, 0.9999, 1e-4, 0.5, 2.0],
             group=3,
         )
-        drive = spec.add_actuator(
-            name=f"{side}_{jaw}_drive",
-            target=f"{side}_{jaw}",
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-            biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-            forcerange=[-_JAW_FORCE_N, _JAW_FORCE_N],
-            forcelimited=True,
-        )
-        drive.gainprm[0] = _JAW_STIFFNESS_N_PER_M
-        drive.biasprm[1] = -_JAW_STIFFNESS_N_PER_M
+        drive = _add_drive(spec, f"{side}_{jaw}", "drive", _JAW_STIFFNESS_N_PER_M, 0.0)
+        drive.forcerange, drive.forcelimited = [-_JAW_FORCE_N, _JAW_FORCE_N], True
 
 
 def _add_surroundings(spec: mujoco.MjSpec, cell: CellConfig) -> None:

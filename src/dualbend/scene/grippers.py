@@ -8,6 +8,7 @@ import numpy as np
 from dualbend.arm import mjcf as arm
 from dualbend.scene.bed.mjcf import GRIPPING
 from dualbend.scene.cell import PAD_SITE
+from dualbend.scene.mjcf import about_z
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
 from dualbend.types import SIDES, Vector
 
@@ -108,7 +109,7 @@ class Grippers:
         along = strip.T @ data.site_xmat[self._pads[i]].reshape(3, 3)[:, 0]
         yaw = float(np.arctan2(along[1], along[0]))
         model.site_pos[self._ends[i]] = place[0], place[1], 0.0
-        model.site_quat[self._ends[i]] = np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)
+        model.site_quat[self._ends[i]] = about_z(yaw)
         data.eq_active[self._holds[i]] = 1
         data.ctrl[self._drives[i]] = data.qpos[self._jaw_q[i]]
         model.geom_conaffinity[self._rubber[i]] = 0

@@ -11,13 +11,13 @@ import numpy as np
 
 from dualbend.arm.mjcf import GRIP_SITE
 from dualbend.errors import InputError
+from dualbend.scene.mjcf import about_z
 from dualbend.types import SIDES, Vector
 
 Targets = tuple[mink.SE3, mink.SE3]
 """World poses of the left and the right grip frame."""
 
-TOLERANCE_M = 1e-7
-TOLERANCE_RAD = 1e-7
+TOLERANCE_M = TOLERANCE_RAD = 1e-7
 """Residual at which the iteration stops: what is left must make no joint speed to speak of, since
 the sign of a joint's speed decides the friction that is fed forward."""
 
@@ -43,9 +43,8 @@ class IKSolution:
     @property
     def reached(self) -> bool:
         """Both residuals are within the tolerance."""
-        return self.position_residual_m <= TOLERANCE_M and (
-            self.rotation_residual_rad <= TOLERANCE_RAD
-        )
+        near = self.position_residual_m <= TOLERANCE_M
+        return near and self.rotation_residual_rad <= TOLERANCE_RAD
 
 
 class InverseKinematics:
@@ -81,10 +80,7 @@ class InverseKinematics:
         self.model = model
 
     def solve(
-        self,
-        targets: Targets,
-        start: Vector,
-        max_iterations: int = _MAX_ITERATIONS,
+        self, targets: Targets, start: Vector, max_iterations: int = _MAX_ITERATIONS
     ) -> IKSolution:
         """Return the joint angles for the grip poses of the left and right arm in the world."""
         configuration = self._configuration
@@ -93,8 +89,8 @@ class InverseKinematics:
             task.set_target(target)
         for iteration in range(max_iterations + 1):
             errors = [task.compute_error(configuration) for task in self._tasks]
-            position = max(_norm3(e[:3]) for e in errors)
-            rotation = max(_norm3(e[3:]) for e in errors)
+            position = max(math.sqrt(e[:3] @ e[:3]) for e in errors)
+            rotation = max(math.sqrt(e[3:] @ e[3:]) for e in errors)
             at_pose = position <= TOLERANCE_M and rotation <= TOLERANCE_RAD
             if iteration == max_iterations or (at_pose and not self._redundant):
                 break
@@ -111,17 +107,8 @@ class InverseKinematics:
 
     def _newton_step(self) -> Vector:
         """Minimise the tasks' error within the limits: the QP's free minimum where it is inside."""
-        configuration = self._configuration
-        free = mink.build_ik(configuration, self._tasks, 1.0, damping=_DAMPING, limits=[])
-        step = np.linalg.solve(free.P, -free.q)
-        reached = configuration.q + step
-        if (reached > self._lower).all() and (reached < self._upper).all():
-            return step
-        return np.asarray(
-            mink.solve_ik(
-                configuration, self._tasks, 1.0, "daqp", damping=_DAMPING, limits=self._limits
-            )
-        )
+        free = mink.build_ik(self._configuration, self._tasks, 1.0, damping=_DAMPING, limits=[])
+        return self._within_limits(np.linalg.solve(free.P, -free.q), self._tasks)
 
     def _redundant_step(self, errors: list[Vector]) -> Vector:
         """Step towards the pose, and within it towards the posture; mink's QP at the limits."""
@@ -133,18 +120,16 @@ class InverseKinematics:
         step = pull - inverse @ (np.concatenate(errors) + jacobian @ pull)
         size = float(np.abs(step).max())
         step *= min(1.0, _LARGEST_STEP_RAD / size) if size > 0.0 else 1.0
+        return self._within_limits(step, [*self._tasks, self._posture_task])
+
+    def _within_limits(self, step: Vector, tasks: list[mink.Task]) -> Vector:
+        """Return the step, or mink's QP where it would pass a joint limit."""
+        configuration = self._configuration
         reached = configuration.q + step
         if (reached > self._lower).all() and (reached < self._upper).all():
             return np.asarray(step)
         return np.asarray(
-            mink.solve_ik(
-                configuration,
-                [*self._tasks, self._posture_task],
-                1.0,
-                "daqp",
-                damping=_DAMPING,
-                limits=self._limits,
-            )
+            mink.solve_ik(configuration, tasks, 1.0, "daqp", damping=_DAMPING, limits=self._limits)
         )
 
     def solve_from_home(self, targets: Targets, home: Vector) -> IKSolution:
@@ -156,11 +141,8 @@ class InverseKinematics:
 
     def describe_miss(self, solution: IKSolution) -> str:
         """Say how far from the target the search ended, and which joints were at their limits."""
-        at_limit = [
-            self.model.joint(i).name
-            for i in range(self.model.njnt)
-            if min(solution.q[i] - self._lower[i], self._upper[i] - solution.q[i]) < 1e-3
-        ]
+        margin = np.minimum(solution.q - self._lower, self._upper - solution.q)
+        at_limit = [self.model.joint(int(i)).name for i in np.flatnonzero(margin < 1e-3)]
         where = f", at the limit of {', '.join(at_limit)}" if at_limit else ""
         return (
             f"grip pose out of reach: the search ended "
@@ -188,11 +170,6 @@ def carried_targets(pose: Vector, place: Vector) -> Targets:
     z [m] and turn about the vertical [rad] in the world.
     """
     x, y, z, yaw = place.tolist()
-    half = 0.5 * yaw
-    frame = mink.SE3(np.array([math.cos(half), 0.0, 0.0, math.sin(half), x, y, z]))
+    frame = mink.SE3(np.array([*about_z(yaw), x, y, z]))
     left, right = grip_targets(pose)
     return frame @ left, frame @ right
-
-
-def _norm3(vector: Vector) -> float:
-    return float(np.sqrt(vector @ vector))

@@ -90,6 +90,8 @@ class Simulation:
         self.torque_limit = model.jnt_actfrcrange[[joint.id for joint in joints], 1].copy()
         self._stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
         self.sheet = StripModel(model, sheet) if isinstance(sheet, StripConfig) else sheet
+        self.bend_stiffness = self.sheet.bend_stiffness
+        """Moment over bending angle [N m/rad]."""
         self._hold_ids(grasp)
         self.on_step: Callable[[], None] | None = None
         """Called after every physics step, where once per cycle would miss a peak."""
@@ -104,13 +106,8 @@ class Simulation:
         edges = [model.site(name).id for name in (LEFT_END, RIGHT_END)]
         self._ends = np.array([self._grips, edges])
         self._ft_sites = [model.site(f"{side}_{arm.FT_SITE}").id for side in SIDES]
-        self._ft = np.array(
-            [
-                model.sensor(f"{side}_{name}").adr[0] + np.arange(3)
-                for side in SIDES
-                for name in arm.FT_SENSORS
-            ]
-        ).reshape(2, 6)
+        sensors = [model.sensor(f"{side}_{name}") for side in SIDES for name in arm.FT_SENSORS]
+        self._ft = np.add.outer([s.adr[0] for s in sensors], np.arange(3)).reshape(2, 6)
         pads = [model.joint(f"{side}_{PAD_SITE}_slide_x") for side in SIDES]
         self._pad_q = np.array([pad.qposadr[0] + np.arange(6) for pad in pads])
         self._pad_dof = np.array([pad.dofadr[0] + np.arange(6) for pad in pads])
@@ -155,11 +152,6 @@ class Simulation:
         """Put the sheet elsewhere, at rest, untwisted; arguments as :meth:`positions` has them."""
         self.sheet.place(self.data.qpos, slopes, middle_m, yaw_rad)
         self.data.qvel[self.sheet.dofs] = 0.0
-
-    @property
-    def bend_stiffness(self) -> float:
-        """Moment over bending angle [N m/rad]."""
-        return self.sheet.bend_stiffness
 
     @property
     def bending_angles(self) -> Vector:

@@ -16,7 +16,7 @@ from dualbend.control.compliance.admittance import AxisConfig, ModelAdmittanceCo
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
-from dualbend.errors import InputError
+from dualbend.errors import InputError, writing
 from dualbend.evaluation.metrics import peak_by_piece
 from dualbend.run.known_sheet import make_admittance
 from dualbend.run.make import make_run
@@ -238,7 +238,5 @@ def write_scenario(tuning: Tuning, base: str, path: Path) -> None:
         "description": f"{base} with gains found by dualbend tune",
         "compliance": without_none(msgspec.to_builtins(tuning.found.compliance)),
     }
-    try:
+    with writing(path, "--out"):
         path.write_text(tomli_w.dumps(table), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"--out {path}: cannot be written: {error.strerror}") from error

@@ -8,7 +8,7 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from dualbend.errors import InputError
+from dualbend.errors import writing
 from dualbend.report.figures import ANGLE, draw
 from dualbend.report.moment import knots_of, moment_curves, moment_plot
 from dualbend.report.page import PAPER_FIGURES, write_report
@@ -71,13 +71,11 @@ def make_figures(
 def _run(name: str, settings: Sequence[str], folder: Path) -> str:
     """Run a scenario, leave what a report is made from, and return its name."""
     result = make_run(load_scenario(name, settings)).run()
-    try:
+    with writing(folder, "--out"):
         (folder / "trace.arrow").unlink(missing_ok=True)  # of an earlier run that was killed
         output.write_scenario(result, folder / "scenario.toml")
         output.write_trace(result, folder / "trace.parquet")
         output.write_summary(result, folder / "summary.json")
-    except OSError as error:
-        raise InputError(f"--out {folder}: {error.strerror or error}") from error
     return name
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from dualbend.errors import InputError
+from dualbend.errors import writing
 
 
 def save(figure: Figure, path: Path, **options: Any) -> None:  # noqa: ANN401 - matplotlib's own
@@ -15,7 +15,5 @@ def save(figure: Figure, path: Path, **options: Any) -> None:  # noqa: ANN401 - 
 
     A figure that is made without pyplot needs no display and no choice of a backend.
     """
-    try:
+    with writing(path, also=ValueError):
         figure.savefig(path, dpi=120, **options)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be written: {error}") from error

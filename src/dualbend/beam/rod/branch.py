@@ -14,11 +14,7 @@ SMALLEST_STEP = 1.0 / 256.0
 
 def resized(unknowns: FloatArray, modes: int) -> FloatArray:
     """Return the unknowns on a basis of another size; its functions are hierarchical."""
-    result = np.zeros(modes + 2)
-    shared = min(modes, unknowns.size - 2)
-    result[:shared] = unknowns[:shared]
-    result[-2:] = unknowns[-2:]
-    return result
+    return np.concatenate([np.pad(unknowns[:-2], (0, modes))[:modes], unknowns[-2:]])
 
 
 def on_curve(problem: ritz.Problem) -> tuple[ritz.Clamps, FloatArray]:

@@ -12,19 +12,20 @@ from dualbend.beam.rod import planar as rod
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 
+_SAMPLES = 24
+"""End slopes of a piece at which the rod is solved, before the peak is refined."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class WorstMoment:
-    """The largest |M| on a path [N m] and its end slope [rad], in total and for each piece.
+    """The largest |M| on a path [N m], its end slope [rad], and the largest |M| of each piece.
 
     unsolved counts the sampled points without a reference solution; they are ignored.
     """
 
     moment_nm: float
     alpha_rad: float
-    piece_edges_rad: FloatArray
     piece_moments_nm: FloatArray
-    piece_alphas_rad: FloatArray
     unsolved: int
 
 
@@ -35,7 +36,6 @@ def worst_moment(
     *,
     weight: bool = False,
     stretch: bool = False,
-    samples: int = 24,
 ) -> WorstMoment:
     """Return the largest moment on grippers that follow a path exactly.
 
@@ -50,36 +50,32 @@ def worst_moment(
     within("alpha_range [rad]", np.array([start, end]), path.knots[0], path.knots[-1])
     inner = path.knots[(path.knots > start) & (path.knots < end)]
     edges = np.concatenate([[start], inner, [end]])
+    q = sheet.weight_per_length_n_per_m if weight else 0.0
+    axial = sheet.axial_stiffness_n if stretch else None
     pieces = [
-        _peak(path, sheet, np.linspace(a, b, samples), weight=weight, stretch=stretch)
+        _peak(path, sheet, np.linspace(a, b, _SAMPLES).tolist(), q, axial)
         for a, b in itertools.pairwise(edges)
     ]
-    moments = np.array([moment for moment, _, _ in pieces])
-    alphas = np.array([alpha for _, alpha, _ in pieces])
+    moments, alphas, unsolved = (np.array(column) for column in zip(*pieces, strict=True))
     worst = int(np.argmax(moments))
     return WorstMoment(
         moment_nm=float(moments[worst]),
         alpha_rad=float(alphas[worst]),
-        piece_edges_rad=edges,
         piece_moments_nm=moments,
-        piece_alphas_rad=alphas,
-        unsolved=sum(count for _, _, count in pieces),
+        unsolved=int(unsolved.sum()),
     )
 
 
 def _peak(
-    path: BendingPath, sheet: Sheet, alphas: FloatArray, *, weight: bool, stretch: bool
+    path: BendingPath, sheet: Sheet, alphas: list[float], q: float, axial: float | None
 ) -> tuple[float, float, int]:
     """Return the largest |M| between two end slopes, its α, and the number of unsolved points."""
-    q = sheet.weight_per_length_n_per_m if weight else 0.0
-    axial = sheet.axial_stiffness_n if stretch else None
     EI, L = sheet.bending_stiffness_nm2, sheet.length_m
-    points = [(float(a), path.at(float(a))[0]) for a in alphas]
-    states = rod.follow_symmetric(EI, L, points, q, None, axial)
+    states = rod.follow_symmetric(EI, L, [(a, path.at(a)[0]) for a in alphas], q, None, axial)
     moments = [abs(s.end_moment_nm) if s.converged else -1.0 for s in states]
     best = int(np.argmax(moments))
     failed = sum(not s.converged for s in states)
-    near = (float(alphas[max(best - 1, 0)]), float(alphas[min(best + 1, len(alphas) - 1)]))
+    near = (alphas[max(best - 1, 0)], alphas[min(best + 1, len(alphas) - 1)])
 
     def negative(alpha: float) -> float:
         x = path.at(alpha)[0]
@@ -89,4 +85,4 @@ def _peak(
     found = minimize_scalar(negative, bounds=near, method="bounded", options={"xatol": 1e-6})
     if -float(found.fun) > moments[best]:
         return -float(found.fun), float(found.x), failed
-    return moments[best], float(alphas[best]), failed
+    return moments[best], alphas[best], failed

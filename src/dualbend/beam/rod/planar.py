@@ -21,7 +21,6 @@ from dualbend.beam.rod import branch, ritz
 from dualbend.beam.rod.state import (
     RESIDUAL_TOLERANCE,
     Grip,
-    GripLoad,
     RodState,
     Scale,
     dimensional_state,
@@ -31,7 +30,6 @@ from dualbend.errors import InputError
 
 __all__ = [
     "Grip",
-    "GripLoad",
     "RodState",
     "follow_planar",
     "follow_symmetric",
@@ -84,7 +82,7 @@ def solve_planar(
     scale = _scale(EI, L, Grip(*left), Grip(*right))
     if finite("weight_per_length", weight_per_length) < 0.0:
         raise InputError(f"weight_per_length must not be negative, got {weight_per_length!r}")
-    rigid = axial_stiffness_n is None
+    EA = axial_stiffness_n
     problem = ritz.Problem(
         basis=ritz.basis(MODES[0]),
         clamps=ritz.Clamps(
@@ -94,14 +92,12 @@ def solve_planar(
             climb=(right[1] - left[1]) / L,
         ),
         weight=weight_per_length * L**3 / EI,
-        compliance=0.0
-        if axial_stiffness_n is None
-        else EI / (positive("axial_stiffness_n", axial_stiffness_n) * L * L),
+        compliance=0.0 if EA is None else EI / (positive("axial_stiffness_n", EA) * L * L),
     )
-    slack = 1.0 - math.hypot(1.0 - problem.clamps.shortening, problem.clamps.climb)
-    if rigid and not problem.weight and _is_flat(problem.clamps):
+    clamps = problem.clamps
+    if EA is None and not problem.weight and _is_flat(clamps):
         return _flat_limit(scale, problem)
-    if rigid and slack <= 0.0:
+    if EA is None and math.hypot(1.0 - clamps.shortening, clamps.climb) >= 1.0:
         reason = "taut: the grips are at least L apart and the rod cannot stretch"
         return unsolved(scale, problem, reason)
     return _refine(scale, problem, guess)

@@ -43,10 +43,7 @@ def solve_plastic(
 ) -> PlasticState:
     """Return the state of a sheet that yields between two grips.
 
-    Raises
-    ------
-    InputError
-        The sheet does not yield, or no state was found.
+    Raises InputError where the sheet does not yield, or no state was found.
     """
     if sheet.plasticity is None:
         raise InputError("the sheet does not yield; beam.rod solves an elastic one")

@@ -102,13 +102,11 @@ class Clamps:
 
     def towards(self, other: "Clamps", part: float) -> "Clamps":
         """Return the clamps a part (0..1) of the way to another."""
-        rest = 1.0 - part
-        return Clamps(
-            slope_left=rest * self.slope_left + part * other.slope_left,
-            slope_right=rest * self.slope_right + part * other.slope_right,
-            shortening=rest * self.shortening + part * other.shortening,
-            climb=rest * self.climb + part * other.climb,
-        )
+        mixed = {
+            name: (1.0 - part) * value + part * getattr(other, name)
+            for name, value in vars(self).items()
+        }
+        return Clamps(**mixed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,12 +158,12 @@ class Problem:
         climb = w @ (f.stretch * f.sin) + self.clamps.climb
         return np.concatenate([bending, [chord, climb]])
 
-    def tangent(self, f: Fields) -> FloatArray:
-        """Return the (symmetric) second derivative of Λ in the unknowns."""
-        return self._second_derivative(f, self.basis.phi)
+    def tangent(self, f: Fields, columns: FloatArray | None = None) -> FloatArray:
+        """Return the (symmetric) second derivative of Λ in the unknowns.
 
-    def _second_derivative(self, f: Fields, phi: FloatArray) -> FloatArray:
-        """Second derivative of Λ for slopes that vary by columns with orthonormal derivatives."""
+        The slope varies by columns with orthonormal derivatives, those of the basis if not given.
+        """
+        phi = self.basis.phi if columns is None else columns
         w, kappa = self.basis.weights, self.compliance
         n = phi.shape[1]
         matrix = np.empty((n + 2, n + 2))
@@ -193,7 +191,7 @@ class Problem:
         """
         sigma, n = self.basis.sigma, self.basis.modes
         columns = np.column_stack([self.basis.phi, 1.0 - sigma, sigma])
-        whole = self._second_derivative(f, columns)
+        whole = self.tangent(f, columns)
         # The two lines have the derivatives −1 and 1: orthogonal to φ' but not to each other.
         whole[n, n + 1] -= 1.0
         whole[n + 1, n] -= 1.0

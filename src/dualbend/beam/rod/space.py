@@ -13,7 +13,7 @@ square of the twist (Wagner), which a rod neglects: it is valid for small twist.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -67,14 +67,13 @@ class SpaceState:
     """An equilibrium; ``left`` and ``right`` (6,) are force [N] and moment [N m] on the grippers.
 
     Each about its own gripper's centre, in the fixed axes of the grips that were given.
-    ``unknowns`` (6,) are n and m at the left end; ``miss`` the far end's, in lengths and radians.
+    ``left`` is also n and m at the left end; ``miss`` is the far end's, in lengths and radians.
     """
 
     left: FloatArray
     right: FloatArray
     middle_m: FloatArray
     miss: float
-    unknowns: FloatArray = field(repr=False)
 
     @property
     def converged(self) -> bool:
@@ -94,12 +93,8 @@ def solve_space(
 
     ``guess`` (6,) is n [N] and m [N m] at the left end, from a state nearby: in the plane
     (−P, 0, V) and (0, EI θ', 0). Where the grips do not determine a load, as for a straight rigid
-    rod, the solution nearest to the guess is returned.
-
-    Raises
-    ------
-    InputError
-        A length or stiffness is not above zero.
+    rod, the solution nearest to the guess is returned. Raises InputError where a length or
+    stiffness is not above zero.
     """
     positive("length_m", length_m)
     finite("weight_per_length", weight_per_length)
@@ -108,15 +103,16 @@ def solve_space(
     force = stiffness.bend_nm2 / length_m**2
     units = np.array([force] * 3 + [force * length_m] * 3)
     problem = _Problem(np.reciprocal(stiffness), length_m, left, right, weight_per_length, units)
-    x, miss = np.asarray(guess, dtype=float) / units, math.inf
+    x = np.asarray(guess, dtype=float) / units
     for _ in range(_MAX_ITERATIONS):
         residual, jacobian = problem.linearised(x)
-        miss = float(np.abs(residual).max())
-        if miss <= 0.01 * TOLERANCE or not np.isfinite(jacobian).all():
+        if np.abs(residual).max() <= 0.01 * TOLERANCE or not np.isfinite(jacobian).all():
             break
         step = np.linalg.lstsq(jacobian, -residual, rcond=1e-11)[0]
         x = x + step * min(1.0, 5.0 / float(np.abs(step).max(initial=1e-300)))
-    return problem.dimensional_state(x)
+    r, axes, load, middle = problem.shoot(x[np.newaxis])
+    missed = float(np.abs(problem.miss(r, axes)).max())
+    return SpaceState(left=x * units, right=-load[0], middle_m=middle[0], miss=missed)
 
 
 class _Problem(NamedTuple):
@@ -139,25 +135,8 @@ class _Problem(NamedTuple):
     def miss(self, r: FloatArray, axes: FloatArray) -> FloatArray:
         """Return the errors of the far ends against their grip (k, 6), in lengths and radians."""
         turn = axes.transpose(0, 2, 1) @ self.right.axes
-        skew = 0.5 * np.stack(
-            [
-                turn[:, 2, 1] - turn[:, 1, 2],
-                turn[:, 0, 2] - turn[:, 2, 0],
-                turn[:, 1, 0] - turn[:, 0, 1],
-            ],
-            axis=1,
-        )
+        skew = 0.5 * (turn - turn.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]]
         return np.hstack([(self.right.position_m - r) / self.length_m, skew])
-
-    def dimensional_state(self, x: FloatArray) -> SpaceState:
-        r, axes, load, middle = self.shoot(x[np.newaxis])
-        return SpaceState(
-            left=x * self.units,
-            right=-load[0],
-            middle_m=middle[0],
-            miss=float(np.abs(self.miss(r, axes)).max()),
-            unknowns=x * self.units,
-        )
 
     def shoot(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Integrate k rods at once; return ends (k, 3), axes (k, 3, 3), loads (k, 6), middles."""
@@ -188,15 +167,6 @@ class _Problem(NamedTuple):
         tangent = axes[:, :, 0]
         stretch = 1.0 + self.compliance[0] * np.sum(n * tangent, axis=1, keepdims=True)
         k = self.compliance[1:] * np.einsum("kij,ki->kj", axes, m)
-        d1, d2, d3 = axes[:, :, 0], axes[:, :, 1], axes[:, :, 2]
-        # R [κ]ₓ column by column: d_i' = κ × d_i with κ in the section's axes.
-        turned = np.stack(
-            [
-                k[:, 2:3] * d2 - k[:, 1:2] * d3,
-                k[:, 0:1] * d3 - k[:, 2:3] * d1,
-                k[:, 1:2] * d1 - k[:, 0:1] * d2,
-            ],
-            axis=2,
-        )
         rate = stretch * tangent
-        return rate, turned, -np.cross(rate, n)
+        # R [κ]ₓ row by row, κ in the section's axes.
+        return rate, np.cross(axes, k[:, np.newaxis]), -np.cross(rate, n)

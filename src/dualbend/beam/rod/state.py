@@ -1,7 +1,7 @@
 """A state of the rod: loads on both grippers, shape, and a measure of the residual."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -58,17 +58,15 @@ class Scale:
 class RodState:
     """An equilibrium of the rod; the arrays hold ritz.OUTPUT_POINTS equally spaced arc lengths.
 
-    rise_m is the mean height of the ends above the middle, energy_j the elastic energy plus the
-    weight's potential about the left end. residual is the largest of: Newton's residual, the gap
-    between the end moments as reactions and as EI θ', and the imbalance of the moments about the
-    left end, each relative to 1 + the dimensionless load. Where converged is False, reason says
-    why, and unknown values are NaN.
+    rise_m is the mean height of the ends above the middle. residual is the largest of: Newton's
+    residual, the gap between the end moments as reactions and as EI θ', and the imbalance of the
+    moments about the left end, each relative to 1 + the dimensionless load. Where converged is
+    False, reason says why, and unknown values are NaN.
     """
 
     left: GripLoad
     right: GripLoad
     rise_m: float
-    energy_j: float
     s_m: FloatArray = field(repr=False)
     theta_rad: FloatArray = field(repr=False)
     x_m: FloatArray = field(repr=False)
@@ -104,14 +102,11 @@ class RodState:
             whole = self.problem.stiffness(self.problem.fields(self.unknowns))
         except np.linalg.LinAlgError:
             return unknown
-        slope, distance = np.array([1.0, -1.0, 0.0, 0.0]), np.array([0.0, 0.0, -2.0, 0.0])
+        motions = np.array([[0.0, 0.0, -2.0, 0.0], [1.0, -1.0, 0.0, 0.0]])
         EI, L = self.scale.EI, self.scale.L
-        return SymmetricStiffness(
-            force_per_distance_n_per_m=float(whole[2] @ distance) * EI / L**3,
-            force_per_slope_n_per_rad=float(whole[2] @ slope) * EI / L**2,
-            moment_per_distance_n=-float(whole[0] @ distance) * EI / L**2,
-            moment_per_slope_nm_per_rad=-float(whole[0] @ slope) * EI / L,
-        )
+        powers = np.array([[L**3, L**2], [L**2, L]])
+        stiffness = np.stack([whole[2], -whole[0]]) @ motions.T * EI / powers
+        return SymmetricStiffness(*stiffness.ravel().tolist())
 
 
 def residual(problem: ritz.Problem, unknowns: FloatArray) -> float:
@@ -133,63 +128,45 @@ def residual(problem: ritz.Problem, unknowns: FloatArray) -> float:
     return float(max(gaps))
 
 
-def energy(problem: ritz.Problem, unknowns: FloatArray) -> float:
-    """Return ∫ ½ θ'² + ½ κ N² + q z dσ, the energy over EI/L."""
-    base, f, clamps = problem.basis, problem.fields(unknowns), problem.clamps
-    bending = unknowns[:-2] @ unknowns[:-2] + (clamps.slope_right - clamps.slope_left) ** 2
-    height = -(base.running @ (f.stretch * f.sin))
-    rest = 0.5 * problem.compliance * f.along**2 + problem.weight * height
-    return float(0.5 * bending + base.weights @ rest)
-
-
 def dimensional_state(scale: Scale, problem: ritz.Problem, unknowns: FloatArray) -> RodState:
     """Return a dimensionless solution in SI units, with its residual."""
+    error = residual(problem, unknowns)
+    reason = branch.other_mode(problem, unknowns)
+    if not (reason or error <= RESIDUAL_TOLERANCE):
+        reason = f"not resolved by {problem.basis.modes} trial functions"
+    return _in_si(scale, problem, unknowns, error, reason)
+
+
+def unsolved(scale: Scale, problem: ritz.Problem, reason: str) -> RodState:
+    """Return a state without values for a point that was not solved."""
+    unknown = np.full(problem.basis.modes + 2, math.nan)
+    return replace(_in_si(scale, problem, unknown, math.inf, reason), unknowns=np.empty(0))
+
+
+def _in_si(
+    scale: Scale, problem: ritz.Problem, unknowns: FloatArray, error: float, reason: str
+) -> RodState:
+    """Return the state of some unknowns; converged without a reason why not."""
     base, f, clamps = problem.basis, problem.fields(unknowns), problem.clamps
     p, v, L = float(unknowns[-2]), float(unknowns[-1]), scale.L
     first, last = problem.end_moments(f)
     x = base.cumulative @ (f.stretch * f.cos)
     z = -(base.cumulative @ (f.stretch * f.sin))
     bend = base.out_slope @ unknowns[:-2] + clamps.slope_right - clamps.slope_left
-    error, mode = residual(problem, unknowns), branch.other_mode(problem, unknowns)
-    resolved = error <= RESIDUAL_TOLERANCE
     force, moment = scale.EI / L**2, scale.EI / L
     return RodState(
         left=GripLoad(-p * force, v * force, first * moment),
         right=GripLoad(p * force, -(v + problem.weight) * force, last * moment),
         rise_m=float(0.5 * (z[0] + z[-1]) - z[ritz.OUTPUT_POINTS // 2]) * L,
-        energy_j=energy(problem, unknowns) * moment,
         s_m=base.out_sigma * L,
         theta_rad=problem.line(base.out_sigma) + base.out_phi @ unknowns[:-2],
         x_m=scale.left.x_m + x * L,
         z_m=scale.left.z_m + z * L,
         curvature_per_m=bend / L,
         residual=error,
-        converged=resolved and not mode,
-        reason=mode or ("" if resolved else f"not resolved by {base.modes} trial functions"),
-        scale=scale,
-        problem=problem,
-        unknowns=unknowns,
-    )
-
-
-def unsolved(scale: Scale, problem: ritz.Problem, reason: str) -> RodState:
-    """Return a state without values for a point that was not solved."""
-    unknown = np.full(ritz.OUTPUT_POINTS, np.nan)
-    load = GripLoad(math.nan, math.nan, math.nan)
-    return RodState(
-        left=load,
-        right=load,
-        rise_m=math.nan,
-        energy_j=math.nan,
-        s_m=np.linspace(0.0, scale.L, ritz.OUTPUT_POINTS),
-        theta_rad=unknown,
-        x_m=unknown,
-        z_m=unknown,
-        curvature_per_m=unknown,
-        residual=math.inf,
-        converged=False,
+        converged=not reason,
         reason=reason,
         scale=scale,
         problem=problem,
-        unknowns=np.empty(0),
+        unknowns=unknowns,
     )

@@ -18,8 +18,7 @@ from dualbend.types import Vector
 def sheet_tangent(state: RodState) -> Vector:
     """Return the sheet's stiffness (6, 6) in the grips' coordinates: K = (EI/L) Tᵀ H T.
 
-    The coordinates are x, z, α of the left and then of the right grip, each in its own bending
-    frame. H is the second derivative of the energy over EI/L in θ(0), θ(L), shortening and climb.
+    H is the second derivative of the energy over EI/L in θ(0), θ(L), shortening and climb.
     Raises InputError for a state that was not found.
     """
     if not state.converged:

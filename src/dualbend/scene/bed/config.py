@@ -4,64 +4,44 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import msgspec
 import numpy as np
 
-from dualbend.types import Vector
-
-Length = Annotated[float, msgspec.Meta(gt=0, lt=3)]
-
+from dualbend.types import Config, Vector, said
 
 HOLES = ("middle_left", "middle_right", "outer_left", "outer_right")
 """Holes and pins, as every array of four has them; left is negative along the sheet."""
 
 
-class HolePairConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class HolePairConfig(Config):
     """Two holes, or two pins, that are each other's image in the sheet's middle.
 
     One stands at (−along, −across), the other at (+along, +across), from the middle.
     """
 
-    along_m: Annotated[float, msgspec.Meta(ge=0, lt=1.5, description="arc length from the middle")]
-    across_m: Annotated[float, msgspec.Meta(ge=-1.5, le=1.5, description="off the centre line")] = (
-        0.0
-    )
+    along_m: Annotated[float, said("arc length from the middle", ge=0, lt=1.5)]
+    across_m: Annotated[float, said("off the centre line", ge=-1.5, le=1.5)] = 0.0
 
 
-class HolesConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class HolesConfig(Config):
     """The sheet's four holes: the middle pair goes over its pins first, then the outer pair."""
 
     middle: HolePairConfig = HolePairConfig(along_m=0.04)
     outer: HolePairConfig = HolePairConfig(along_m=0.14)
-    clearance_m: Annotated[
-        float, msgspec.Meta(gt=0, lt=5e-3, description="hole's diameter less the pin's")
-    ] = 0.2e-3
+    clearance_m: Annotated[float, said("hole's diameter less the pin's", gt=0, lt=5e-3)] = 0.2e-3
     errors_m: Annotated[
         tuple[tuple[float, float], ...],
-        msgspec.Meta(
-            min_length=4, max_length=4, description="each hole off its place, along and across"
-        ),
+        said("each hole off its place, along and across", min_length=4, max_length=4),
     ] = ((0.0, 0.0),) * 4
 
 
-class PinsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PinsConfig(Config):
     """The four alignment pins, where the holes of a flat sheet belong."""
 
-    diameter_m: Annotated[float, msgspec.Meta(ge=1e-3, le=0.03, description="of the shank")] = (
-        4.76e-3
-    )
-    height_m: Annotated[float, msgspec.Meta(ge=2e-3, le=0.05, description="tip above the bed")] = (
-        6e-3
-    )
-    tip: Annotated[Literal["round", "taper"], msgspec.Meta(description="half a ball or a cone")] = (
-        "round"
-    )
-    taper_length_m: Annotated[
-        float, msgspec.Meta(gt=0, le=0.05, description="of a tapered tip")
-    ] = 4e-3
-    friction: Annotated[float, msgspec.Meta(ge=0, le=2, description="pin against hole's edge")] = (
-        0.2
-    )
+    diameter_m: Annotated[float, said("of the shank", ge=1e-3, le=0.03)] = 4.76e-3
+    height_m: Annotated[float, said("tip above the bed", ge=2e-3, le=0.05)] = 6e-3
+    tip: Annotated[Literal["round", "taper"], said("half a ball or a cone")] = "round"
+    taper_length_m: Annotated[float, said("of a tapered tip", gt=0, le=0.05)] = 4e-3
+    friction: Annotated[float, said("pin against hole's edge", ge=0, le=2)] = 0.2
 
     @property
     def tip_m(self) -> float:
@@ -69,27 +49,25 @@ class PinsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return 0.5 * self.diameter_m if self.tip == "round" else self.taper_length_m
 
 
-class BedConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class BedConfig(Config):
     """The assembly bed: a flat block with the pins, under the cell's origin."""
 
-    half_length_m: Annotated[Length, msgspec.Meta(description="half the block along x")] = 0.16
-    half_width_m: Annotated[Length, msgspec.Meta(description="half the block along y")] = 0.05
-    top_m: Annotated[float, msgspec.Meta(gt=0, lt=3, description="above the floor")] = 0.672
-    friction: Annotated[float, msgspec.Meta(ge=0, le=2, description="bed and stand")] = 0.2
+    half_length_m: Annotated[float, said("half the block along x", gt=0, lt=3)] = 0.16
+    half_width_m: Annotated[float, said("half the block along y", gt=0, lt=3)] = 0.05
+    top_m: Annotated[float, said("above the floor", gt=0, lt=3)] = 0.672
+    friction: Annotated[float, said("bed and stand", ge=0, le=2)] = 0.2
 
 
-class StandConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class StandConfig(Config):
     """The pick-up stand: a flat block beside the bed."""
 
-    y_m: Annotated[float, msgspec.Meta(ge=-1.5, le=1.5, description="its middle, in the world")] = (
-        0.30
-    )
-    half_length_m: Annotated[Length, msgspec.Meta(description="half the block along x")] = 0.16
-    half_width_m: Annotated[Length, msgspec.Meta(description="half the block along y")] = 0.05
-    top_m: Annotated[float, msgspec.Meta(gt=0, lt=3, description="above the floor")] = 0.672
+    y_m: Annotated[float, said("its middle, in the world", ge=-1.5, le=1.5)] = 0.30
+    half_length_m: Annotated[float, said("half the block along x", gt=0, lt=3)] = 0.16
+    half_width_m: Annotated[float, said("half the block along y", gt=0, lt=3)] = 0.05
+    top_m: Annotated[float, said("above the floor", gt=0, lt=3)] = 0.672
 
 
-class LayoutConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class LayoutConfig(Config):
     """Everything that the arms' workplace holds beside the sheet itself."""
 
     holes: HolesConfig = HolesConfig()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -16,6 +17,7 @@ from dualbend.scene.bed.config import (
     StandConfig,
     hole_places,
 )
+from dualbend.scene.mjcf import BOX, DRAWN, about_z
 from dualbend.scene.sheet.strips import StripConfig, strip_body
 from dualbend.types import Vector
 
@@ -37,9 +39,13 @@ _PLATE_M, _COLUMN = 0.02, 0.7
 _PLATE_RGBA, _COLUMN_RGBA = [0.62, 0.64, 0.67, 1.0], [0.24, 0.26, 0.30, 1.0]
 _HOLE_RGBA, _HOLE_PROUD_M = [0.05, 0.06, 0.08, 1.0], 5e-5
 
-# Two steps of 1.75 ms: the stiffest contact that a step resolves.
-_CONTACT_SOLREF = [0.0035, 1.0]
 _PIN_SOLIMP = [0.98, 0.999, 2e-5, 0.5, 2.0]
+
+_RUBBED = {"condim": 3, "solref": [0.0035, 1.0]}
+"""A contact with dry friction, two steps of 1.75 ms long: the stiffest that a step resolves."""
+
+_OF_SHEET = {"mass": 0.0, "conaffinity": 0, "friction": [0.0, 0.005, 0.0001], "group": 3, **_RUBBED}
+"""What touches bed and pins; of two coefficients of friction the larger counts: theirs."""
 
 
 def add_workplace(
@@ -50,13 +56,10 @@ def add_workplace(
     for name, block, y_m in (("bed", bed, 0.0), ("stand", stand, stand.y_m)):
         spec.worldbody.add_geom(
             name=name,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
+            type=BOX,
             size=[block.half_length_m, block.half_width_m, block.top_m / 2],
             pos=[0.0, y_m, block.top_m / 2],
-            contype=0,
-            conaffinity=RESTING | 1,
-            friction=[bed.friction, 0.005, 0.0001],
-            group=3,
+            **_touched(RESTING | 1, bed.friction),
         )
         _show_block(spec, block, y_m)
     _add_bed_camera(spec, bed, sheet)
@@ -65,6 +68,11 @@ def add_workplace(
         _add_force_sensors(spec, name)
     for number in range(laid):
         _add_laid(spec, number, sheet, strips, bed.friction)
+
+
+def _touched(by: int, friction: float) -> dict[str, Any]:
+    """Return what makes a geom stop what has these collision bits, and invisible."""
+    return {"contype": 0, "conaffinity": by, "friction": [friction, 0.005, 0.0001], "group": 3}
 
 
 def _show_block(spec: mujoco.MjSpec, block: BedConfig | StandConfig, y_m: float) -> None:
@@ -76,13 +84,11 @@ def _show_block(spec: mujoco.MjSpec, block: BedConfig | StandConfig, y_m: float)
         (_COLUMN, column, column / 2, _COLUMN_RGBA),
     ):
         spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
+            type=BOX,
             size=[share * block.half_length_m, share * block.half_width_m, height / 2],
             pos=[0.0, y_m, middle],
-            contype=0,
-            conaffinity=0,
             rgba=rgba,
-            group=2,
+            **DRAWN,
         )
 
 
@@ -116,11 +122,9 @@ def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -
     body = spec.worldbody.add_body(name=f"pin_{name}", pos=foot_m)
     radius = pins.diameter_m / 2
     shape = {
-        "contype": 0,
-        "conaffinity": PINNING,
-        "condim": 3,
-        "friction": [pins.friction, 0.005, 0.0001],
-        "solref": _CONTACT_SOLREF,
+        **_touched(PINNING, pins.friction),
+        **_RUBBED,
+        "name": f"pin_{name}",
         "solimp": _PIN_SOLIMP,
         "rgba": [0.80, 0.65, 0.25, 1.0],
         "group": 2,
@@ -129,7 +133,6 @@ def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -
         # The foot's hemisphere is inside the bed.
         half = (pins.height_m - radius) / 2
         body.add_geom(
-            name=f"pin_{name}",
             type=mujoco.mjtGeom.mjGEOM_CAPSULE,
             size=[radius, half, 0.0],
             pos=[0.0, 0.0, half],
@@ -141,12 +144,7 @@ def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -
     rings = [(0.0, radius), (shaft, radius), (pins.height_m, radius / 3)]
     vertices = np.array([(*(r * xy), z) for z, r in rings for xy in rim])
     spec.add_mesh(name=f"pin_{name}", uservert=vertices.ravel())
-    body.add_geom(
-        name=f"pin_{name}",
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=f"pin_{name}",
-        **shape,
-    )
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"pin_{name}", **shape)
 
 
 def laid_body(number: int, strip: int) -> str:
@@ -169,22 +167,13 @@ def _add_laid(
             name=laid_body(number, i), mocap=True, pos=[0.0, 0.0, _BELOW_FLOOR_M]
         )
         half = sheet.thickness_m / 2
+        size = [length / 2, sheet.width_m / 2, half]
+        body.add_geom(type=BOX, size=size, rgba=[0.45, 0.60, 0.80, 1.0], **DRAWN)
         body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[length / 2, sheet.width_m / 2, half],
-            contype=0,
-            conaffinity=0,
-            rgba=[0.45, 0.60, 0.80, 1.0],
-            group=2,
-        )
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[length / 2, sheet.width_m / 2, _LAID_DEPTH_M / 2],
+            type=BOX,
+            size=[*size[:2], _LAID_DEPTH_M / 2],
             pos=[0.0, 0.0, half - _LAID_DEPTH_M / 2],
-            contype=0,
-            conaffinity=RESTING,
-            friction=[friction, 0.005, 0.0001],
-            group=3,
+            **_touched(RESTING, friction),
         )
 
 
@@ -209,13 +198,8 @@ def add_holes(spec: mujoco.MjSpec, sheet: Sheet, strips: StripConfig, layout: La
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
                 size=[sheet.thickness_m / 2, 0.0, 0.0],
                 pos=[centre, sign * 0.4 * sheet.width_m, 0.0],
-                mass=0.0,
                 contype=RESTING,
-                conaffinity=0,
-                condim=3,
-                friction=[0.0, 0.005, 0.0001],  # of two, the larger counts: the bed's
-                solref=_CONTACT_SOLREF,
-                group=3,
+                **_OF_SHEET,
             )
 
 
@@ -225,7 +209,7 @@ def _add_ring(
     """Add a hole as a ring of boxes."""
     radius = (layout.pins.diameter_m + layout.holes.clearance_m) / 2
     half_side = (radius + _RING_DEPTH_M) * math.tan(math.pi / _RING_SIDES)
-    body.add_site(name=f"hole_{name}", pos=[*centre_m, 0.0], group=4, size=[radius, radius, radius])
+    body.add_site(name=f"hole_{name}", pos=[*centre_m, 0.0], group=4, size=[radius] * 3)
     # The hole is drawn as a dark disc, hardly proud of the sheet's faces.
     body.add_geom(
         name=f"hole_{name}_disc",
@@ -233,30 +217,19 @@ def _add_ring(
         size=[radius, thickness_m / 2 + _HOLE_PROUD_M, 0.0],
         pos=[*centre_m, 0.0],
         mass=0.0,
-        contype=0,
-        conaffinity=0,
         rgba=_HOLE_RGBA,
-        group=2,
+        **DRAWN,
     )
     for i in range(_RING_SIDES):
         turn = 2.0 * math.pi * i / _RING_SIDES
         middle = radius + _RING_DEPTH_M / 2
         body.add_geom(
             name=f"hole_{name}_{i:02d}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
+            type=BOX,
             size=[_RING_DEPTH_M / 2, half_side, thickness_m / 2],
-            pos=[
-                centre_m[0] + middle * math.cos(turn),
-                centre_m[1] + middle * math.sin(turn),
-                0.0,
-            ],
-            quat=[math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2)],
-            mass=0.0,
+            pos=[*(centre_m + middle * np.array([math.cos(turn), math.sin(turn)])), 0.0],
+            quat=about_z(turn),
             contype=PINNING,
-            conaffinity=0,
-            condim=3,
-            friction=[0.0, 0.005, 0.0001],
-            solref=_CONTACT_SOLREF,
             solimp=_PIN_SOLIMP,
-            group=3,
+            **_OF_SHEET,
         )

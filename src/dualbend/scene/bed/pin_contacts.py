@@ -24,10 +24,8 @@ class PinContacts:
         strips: StripConfig,
     ) -> None:
         self._data = data
-        names = [f"{kind}_{hole}" for kind in ("net", "edge") for hole in HOLES]
-        first = min(model.sensor(name).adr[0] for name in names)
-        order = [model.sensor(name).adr[0] - first for name in names]
-        self._read = first + np.add.outer(order, np.arange(3))
+        sensors = [model.sensor(f"{kind}_{hole}") for kind in ("net", "edge") for hole in HOLES]
+        self._read = np.add.outer([sensor.adr[0] for sensor in sensors], np.arange(3))
         self._sites = [model.site(f"hole_{hole}").id for hole in HOLES]
         self._pins = np.column_stack((hole_places(layout.holes), [layout.bed.top_m] * len(HOLES)))
         self._half_thickness_m = sheet.thickness_m / 2

@@ -7,13 +7,12 @@ them, the middle one at the sheet's middle; so one set of slopes places either.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from dualbend.beam.sheet import Sheet
+from dualbend.scene.mjcf import about_z
 from dualbend.scene.sheet.shell import (
     MEMBRANE,
     ShellConfig,
@@ -34,8 +33,8 @@ from dualbend.scene.sheet.strips import (
 from dualbend.types import Vector
 
 
-class SheetModel(Protocol):
-    """Interface of a sheet's model for the simulation.
+class StripModel:
+    """The chain of strips in a compiled cell.
 
     Attributes
     ----------
@@ -43,24 +42,7 @@ class SheetModel(Protocol):
     dofs : (n,) the sheet's degrees of freedom
     """
 
-    bend_stiffness: float
-    dofs: NDArray[np.intp]
-
-    def place(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
-        """Write positions: slopes of the pieces (N + 1,) [rad], middle (3,) in the world, turn."""
-
-    def bending_angles(self, data: mujoco.MjData) -> Vector:
-        """Return the bending angles from the left end (N,) [rad]."""
-
-    def middle_height(self, data: mujoco.MjData) -> float:
-        """Return the height of the sheet's middle [m]."""
-
-
-class StripModel:
-    """The chain of strips."""
-
     def __init__(self, model: mujoco.MjModel, strips: StripConfig) -> None:
-        self._model = model
         bends = [model.joint(bend_joint(i)) for i in range(strips.hinges)]
         self.bend_q = np.array([joint.qposadr[0] for joint in bends])
         self.bend_stiffness = hinge_stiffness(model, 0)
@@ -72,55 +54,50 @@ class StripModel:
         self.dofs = np.concatenate((free, model.jnt_dofadr[own]))
 
     def place(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
-        """Write hinge angles and the middle strip's pose; untwisted."""
+        """Write positions, untwisted: slopes of the pieces (N + 1,) [rad], middle (3,), turn."""
         qpos[self._own_q] = 0.0
         qpos[self.bend_q] = np.diff(slopes)
         free = self._free_q
         qpos[free : free + 3] = middle_m
-        qpos[free + 3 : free + 7] = np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)
+        qpos[free + 3 : free + 7] = about_z(yaw_rad)
 
     def bending_angles(self, data: mujoco.MjData) -> Vector:
-        """Return the hinges' angles."""
+        """Return the bending angles from the left end (N,) [rad]."""
         return np.asarray(data.qpos[self.bend_q])
 
     def middle_height(self, data: mujoco.MjData) -> float:
-        """Return the height of the middle strip's centre."""
+        """Return the height of the sheet's middle [m]."""
         return float(data.xpos[self._middle, 2])
 
 
 class ShellModel:
-    """The plate's grid of vertices; writes its elasticity into the compiled model."""
+    """The plate's grid of vertices, used like the strips; writes its elasticity into the model."""
 
     def __init__(self, model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
-        self._model, self._sheet, self._config = model, sheet, config
+        self._sheet, self._config = sheet, config
         set_elasticity(model, sheet, config)
         n, rows = config.cells_along, config.cells_across + 2
         self._spacing = sheet.length_m / n
-        as_plate = replace(sheet, rigidity="plate")
-        self.bend_stiffness = as_plate.bending_stiffness_nm2 / self._spacing
+        self.bend_stiffness = replace(sheet, rigidity="plate").bending_stiffness_nm2 / self._spacing
         bodies = np.array(
             [[model.body(vertex_body(i, j)).id for j in range(rows)] for i in range(2, n)]
         )
+        joints = model.body_jntadr[bodies]
         self._home = model.body_pos[bodies]
-        first = model.jnt_qposadr[model.body_jntadr[bodies]]
-        self._q = first[..., np.newaxis] + np.arange(3)
-        self.dofs = (
-            model.jnt_dofadr[model.body_jntadr[bodies]][..., np.newaxis] + np.arange(3)
-        ).ravel()
+        self._q = model.jnt_qposadr[joints][..., np.newaxis] + np.arange(3)
+        free = model.jnt_dofadr[joints][..., np.newaxis] + np.arange(3)
         flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, MEMBRANE)
         at = int(model.flex_vertadr[flex])
+        self._grid = n + 2, rows, 3
         self._vertices = slice(at, at + (n + 2) * rows)
         ends = [model.joint(end_body(end)) for end in (LEFT_END, RIGHT_END)]
         self._shares = row_shares(sheet, config) / sheet.width_m
         self._ends_q = [joint.qposadr[0] for joint in ends]
-        edge_dofs = [joint.dofadr[0] + np.arange(6) for joint in ends]
-        self.dofs = np.concatenate((*edge_dofs, self.dofs))
+        self.dofs = np.concatenate([*(end.dofadr[0] + np.arange(6) for end in ends), free.ravel()])
 
     def columns(self, data: mujoco.MjData) -> Vector:
         """Return the vertices (N + 2, M + 2, 3) in the world [m]."""
-        return np.asarray(data.flexvert_xpos[self._vertices]).reshape(
-            self._config.cells_along + 2, self._config.cells_across + 2, 3
-        )
+        return np.asarray(data.flexvert_xpos[self._vertices].reshape(self._grid))
 
     def place(self, qpos: Vector, slopes: Vector, middle_m: Vector, yaw_rad: float) -> None:
         """Put the free vertices and both edges on the cylindrical surface of these slopes."""
@@ -135,14 +112,12 @@ class ShellModel:
         z = np.broadcast_to(line[2:-2, 1:], np.broadcast_shapes(x.shape, y.shape))
         places = np.stack((c * x - s * y, s * x + c * y, z), axis=2) + middle_m
         qpos[self._q] = places - self._home
-        for at, (a, b), alpha, turn in zip(
-            self._ends_q,
-            ((0, 1), (-2, -1)),
-            (slopes[0], -slopes[-1]),
-            (yaw_rad, yaw_rad + np.pi),
-            strict=True,
-        ):
-            along, up = 0.5 * (line[a] + line[b])
+        ends = (
+            (line[0] + line[1], slopes[0], yaw_rad),
+            (line[-2] + line[-1], -slopes[-1], yaw_rad + np.pi),
+        )
+        for at, (twice, alpha, turn) in zip(self._ends_q, ends, strict=True):
+            along, up = 0.5 * twice
             qpos[at : at + 3] = middle_m + np.array([c * along, s * along, up])
             (ct, ca), (st, sa) = np.cos([turn / 2, alpha / 2]), np.sin([turn / 2, alpha / 2])
             qpos[at + 3 : at + 7] = ct * ca, -st * sa, ct * sa, st * ca
@@ -161,3 +136,6 @@ class ShellModel:
         """Return the mean height of the two columns beside the middle."""
         half = self._config.cells_along // 2
         return float((self.columns(data)[half : half + 2, :, 2] @ self._shares).mean())
+
+
+SheetModel = StripModel | ShellModel

@@ -23,43 +23,37 @@ into the compiled model by :func:`set_elasticity`, since MuJoCo's own are no thi
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
-import msgspec
 import mujoco
 import numpy as np
 
 from dualbend.beam.sheet import Sheet
+from dualbend.scene.mjcf import SHEET_RGBA, SITE, about_z, make_plate
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, damping_time
-from dualbend.types import Tagged, Vector
+from dualbend.types import Tagged, Vector, said
 
 MEMBRANE, BENDING = "sheet_membrane", "sheet_bending"
 """Names of the two flexes."""
 
-_BEND = 1
 _BLOCK, _CELL = 17, 24
 """Numbers that MuJoCo keeps of a hinge, its 4 x 4 form and one for a curved rest shape; and of a
 tetrahedron, the upper half of its 6 x 6 form and three more."""
-
-_ITERATIONS, _TOLERANCE = 3000, 1e-6
 
 _EDGE_MASS_KG, _EDGE_INERTIA_KG_M2 = 0.1, 1e-4
 """Inertia without weight that an edge gets from its gripper, which it is welded to: grams alone,
 against the membrane's stiffness, are more than the solver's preconditioner bears."""
 
 
-class ShellConfig(Tagged, frozen=True, kw_only=True, tag="shell"):
+class ShellConfig(Tagged, tag="shell"):
     """A plate, at many times the cost: how finely it is divided and how it is damped."""
 
-    cells_along: Annotated[
-        int, msgspec.Meta(ge=8, le=100, description="between the grips, even")
-    ] = 20
-    cells_across: Annotated[int, msgspec.Meta(ge=2, le=60, description="over the width")] = 4
-    damping_ratio: Annotated[
-        float, msgspec.Meta(ge=0, lt=1, description="of the first clamped bending mode")
-    ] = 0.02
+    cells_along: Annotated[int, said("between the grips, even", ge=8, le=100)] = 20
+    cells_across: Annotated[int, said("over the width", ge=2, le=60)] = 4
+    damping_ratio: Annotated[float, said("of the first clamped bending mode", ge=0, lt=1)] = 0.02
 
     def __post_init__(self) -> None:
         """Refuse an odd number of cells along: the middle of the sheet is that of a cell."""
@@ -72,37 +66,16 @@ class ShellConfig(Tagged, frozen=True, kw_only=True, tag="shell"):
         return self.cells_along
 
 
-Vertex = tuple[int, int]
-"""Column and row."""
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Hinge:
-    """Four vertices whose weighted sum is a curvature [1/m], and their bending stiffness.
+    """Four vertices (column, row), whose weighted sum is a curvature [1/m], and its stiffness.
 
     The energy is ``stiffness |Σ weights_k x_k|² / 2`` with the stiffness D times an area [N m³].
     """
 
-    vertices: tuple[Vertex, Vertex, Vertex, Vertex]
+    vertices: tuple[tuple[int, int], ...]
     weights: tuple[float, float, float, float]
     stiffness: float = 0.0
-
-    @classmethod
-    def second(
-        cls, at: Vertex, before: Vertex, after: Vertex, gap: float, next_gap: float, share: float
-    ) -> Hinge:
-        """Return what measures the fold at a vertex, over the length that it stands for."""
-        # Any fourth vertex that is not on the line of the three.
-        beside = (
-            (at[0], at[1] + (1 if at[1] == 0 else -1))
-            if before[0] != at[0]
-            else (
-                at[0] + 1,
-                at[1],
-            )
-        )
-        a, b = 1.0 / (gap * share), 1.0 / (next_gap * share)
-        return cls(vertices=(at, beside, before, after), weights=(-a - b, 0.0, a, b))
 
 
 def end_body(end: str) -> str:
@@ -149,89 +122,73 @@ def hinges(sheet: Sheet, config: ShellConfig) -> list[Hinge]:
     D = sheet.young_pa * sheet.thickness_m**3 / (12.0 * (1.0 - nu**2))
     shares = row_shares(sheet, config)
     found = []
-    for i in range(1, n + 1):
-        for j in range(m + 2):
-            along = Hinge.second((i, j), (i - 1, j), (i + 1, j), hx, hx, hx)
-            if not 0 < j <= m:
-                found.append(replace(along, stiffness=D * hx * shares[j]))
-                continue
-            across = Hinge.second((i, j), (i, j - 1), (i, j + 1), gaps[j - 1], gaps[j], hy)
-            c = along.weights[0] / across.weights[0]
-            coupling = nu * D * hx * hy / c
-            found += [
-                replace(along, stiffness=D * hx * shares[j] + coupling),
-                replace(across, stiffness=D * hx * hy + c**2 * coupling),
-                Hinge(
-                    vertices=(*across.vertices[2:], *along.vertices[2:]),
-                    weights=(-c * across.weights[2], -c * across.weights[3], *along.weights[2:]),
-                    stiffness=-coupling,
-                ),
-            ]
-    for i in range(1, n):
-        length = hx * (1.5 if i in (1, n - 1) else 1.0)
-        for j, gap in enumerate(gaps.tolist()):
-            area = length * gap
-            found.append(
-                Hinge(
-                    vertices=((i, j), (i + 1, j + 1), (i + 1, j), (i, j + 1)),
-                    weights=(1 / area, 1 / area, -1 / area, -1 / area),
-                    stiffness=2.0 * D * (1.0 - nu) * area,
-                )
-            )
+    for i, j in itertools.product(range(1, n + 1), range(m + 2)):
+        # The second vertex has no weight: any that is not on the line of the three.
+        beside = (i, j + (1 if j == 0 else -1))
+        along = Hinge(((i, j), beside, (i - 1, j), (i + 1, j)), _second(hx, hx, hx))
+        if not 0 < j <= m:
+            found.append(replace(along, stiffness=D * hx * shares[j]))
+            continue
+        weights = _second(gaps[j - 1], gaps[j], hy)
+        across = Hinge(((i, j), (i + 1, j), (i, j - 1), (i, j + 1)), weights)
+        c = along.weights[0] / weights[0]
+        coupling = nu * D * hx * hy / c
+        crossed = (*across.vertices[2:], *along.vertices[2:])
+        found += [
+            replace(along, stiffness=D * hx * shares[j] + coupling),
+            replace(across, stiffness=D * hx * hy + c**2 * coupling),
+            Hinge(crossed, (-c * weights[2], -c * weights[3], *along.weights[2:]), -coupling),
+        ]
+    for i, (j, gap) in itertools.product(range(1, n), enumerate(gaps.tolist())):
+        area = hx * (1.5 if i in (1, n - 1) else 1.0) * gap
+        corners = ((i, j), (i + 1, j + 1), (i + 1, j), (i, j + 1))
+        weights = (1 / area, 1 / area, -1 / area, -1 / area)
+        found.append(Hinge(corners, weights, 2.0 * D * (1.0 - nu) * area))
     return found
 
 
+def _second(gap: float, next_gap: float, share: float) -> tuple[float, float, float, float]:
+    """Return the weights of at, beside, before and after whose sum is the fold over a length."""
+    a, b = 1.0 / (gap * share), 1.0 / (next_gap * share)
+    return -a - b, 0.0, a, b
+
+
 def add_shell(
-    spec: mujoco.MjSpec,
-    sheet: Sheet,
-    config: ShellConfig,
-    middle_position_m: Vector,
+    spec: mujoco.MjSpec, sheet: Sheet, config: ShellConfig, middle_position_m: Vector
 ) -> None:
-    """Add the flat sheet to ``spec``, its middle at ``middle_position_m`` (3,) in the world.
+    """Add the flat sheet to ``spec``, its middle at ``middle_position_m`` (3,), set up the solver.
 
     Its ends have the sites that the strips' have. :func:`set_elasticity` must be called on the
     compiled model.
     """
+    # The rows of a flex are sparse, and its membrane is a million times stiffer than its bending,
+    # which the 100 iterations of the default do not always resolve.
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+    spec.option.iterations, spec.option.tolerance = 3000, 1e-6
     n, m = config.cells_along, config.cells_across
     arcs, rows = column_arcs(sheet, config), row_places(sheet, config)
     h, masses = sheet.length_m / n, sheet.mass_kg * row_shares(sheet, config) / sheet.width_m / n
     middle, to_end = np.asarray(middle_position_m), np.array([sheet.length_m / 2, 0.0, 0.0])
     _add_edge(spec, LEFT_END, sheet, h, middle - to_end, 0.0)
     _add_edge(spec, RIGHT_END, sheet, h, middle + to_end, np.pi)
-    for i in range(2, n):
-        for j in range(m + 2):
-            place = [arcs[i] - sheet.length_m / 2, rows[j], 0.0]
-            body = spec.worldbody.add_body(name=vertex_body(i, j), pos=middle + place)
-            body.explicitinertial = True
-            body.mass = masses[j]
-            body.inertia = [1e-9, 1e-9, 1e-9]
-            for axis, letter in zip(np.eye(3), "xyz", strict=True):
-                body.add_joint(
-                    name=f"{body.name}_{letter}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis
-                )
-    grid = [(i, j) for i in range(n + 2) for j in range(m + 2)]
-    number = {vertex: k for k, vertex in enumerate(grid)}
+    for i, j in itertools.product(range(2, n), range(m + 2)):
+        place = [arcs[i] - sheet.length_m / 2, rows[j], 0.0]
+        body = spec.worldbody.add_body(name=vertex_body(i, j), pos=middle + place)
+        body.explicitinertial, body.mass, body.inertia = True, masses[j], [1e-9] * 3
+        for axis, letter in zip(np.eye(3), "xyz", strict=True):
+            name = f"{body.name}_{letter}"
+            body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    grid = list(itertools.product(range(n + 2), range(m + 2)))
     corners = [
-        number[corner]
-        for i in range(n + 1)
-        for j in range(m + 1)
-        for corner in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
+        (m + 2) * column + row
+        for i, j in itertools.product(range(n + 1), range(m + 1))
+        for column, row in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
     ]
     _add_flex(spec, sheet, config, MEMBRANE, grid, corners, 3)
     # Each hinge has its four vertices for itself: only its own two triangles share an edge.
     ends = [vertex for hinge in hinges(sheet, config) for vertex in hinge.vertices]
     pairs = [k + offset for k in range(0, len(ends), 4) for offset in (0, 1, 2, 0, 3, 1)]
     _add_flex(spec, sheet, config, BENDING, ends, pairs, 2)
-
-
-def prepare_for_shell(spec: mujoco.MjSpec) -> None:
-    """Set the solver up for a flex.
-
-    Its rows are sparse, and its membrane is a million times stiffer than its bending, which the
-    100 iterations of the default do not always resolve.
-    """
-    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
-    spec.option.iterations, spec.option.tolerance = _ITERATIONS, _TOLERANCE
 
 
 def _add_edge(
@@ -241,20 +198,10 @@ def _add_edge(
 
     It moves freely, so that the flat sheet is the one at rest wherever the arms are.
     """
-    edge = spec.worldbody.add_body(
-        name=end_body(end), pos=place_m, quat=[np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)]
-    )
+    edge = spec.worldbody.add_body(name=end_body(end), pos=place_m, quat=about_z(yaw_rad))
     edge.add_freejoint(name=end_body(end))
-    edge.explicitinertial = True
-    mass = edge.mass = sheet.mass_kg * h / sheet.length_m
-    edge.ipos = [h / 2, 0.0, 0.0]
-    w, t = sheet.width_m, sheet.thickness_m
-    edge.inertia = [
-        mass * (w**2 + t**2) / 12,
-        mass * (h**2 + t**2) / 12,
-        mass * (w**2 + h**2) / 12,
-    ]
-    edge.add_site(name=end, group=4, size=[0.003, 0.003, 0.003])
+    make_plate(edge, sheet, h, h / 2)
+    edge.add_site(name=end, **SITE)
 
 
 def _add_flex(
@@ -271,11 +218,11 @@ def _add_flex(
     # Of any size: they only ask the compiler for room, which set_elasticity fills.
     flex.young, flex.poisson, flex.thickness = sheet.young_pa, 0.0, sheet.thickness_m
     if dimension == 2:
-        flex.elastic2d = _BEND
+        flex.elastic2d = 1  # bending alone
     flex.damping = damping_time(sheet, config.damping_ratio)
     flex.contype = flex.conaffinity = 0
     flex.selfcollide = mujoco.mjtFlexSelf.mjFLEXSELF_NONE
-    flex.rgba = [0.30, 0.52, 0.80, 1.0]
+    flex.rgba = SHEET_RGBA
     flex.group = 2 if dimension == 3 else 5
     places = [_place(sheet, config, *vertex) for vertex in vertices]
     flex.vertbody = [body for body, _ in places]
@@ -300,8 +247,7 @@ def set_elasticity(model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> 
     gaps = np.diff(row_places(sheet, config))
     hx = sheet.length_m / config.cells_along
     forms = [membrane_form(sheet, hx, gap)[np.triu_indices(6)] for gap in gaps.tolist()]
-    count = model.flex_elemnum[flex]
-    start = model.flex_stiffnessadr[flex]
+    start, count = model.flex_stiffnessadr[flex], model.flex_elemnum[flex]
     stiffness = model.flex_stiffness[start : start + _CELL * count].reshape(count, _CELL)
     # MuJoCo's energy is a quarter of the form.
     stiffness[:] = 0.0
@@ -340,14 +286,13 @@ def membrane_form(sheet: Sheet, hx: float, hy: float) -> Vector:
 def _set_bending(model: mujoco.MjModel, sheet: Sheet, config: ShellConfig) -> None:
     flex = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_FLEX, BENDING)
     first, count = model.flex_edgeadr[flex], model.flex_edgenum[flex]
-    flaps = model.flex_edgeflap[first : first + count]
-    edges = model.flex_edge[first : first + count]
+    near, far = (a[first : first + count] for a in (model.flex_edge, model.flex_edgeflap))
     start = model.flex_bendingadr[flex]
     forms = model.flex_bending[start : start + _BLOCK * count].reshape(count, _BLOCK)
     listed = hinges(sheet, config)
     forms[:] = 0.0
-    for edge in np.flatnonzero((flaps >= 0).all(axis=1)):
-        vertices = (*edges[edge].tolist(), *flaps[edge].tolist())
+    for edge in np.flatnonzero((far >= 0).all(axis=1)):
+        vertices = (*near[edge].tolist(), *far[edge].tolist())
         hinge = listed[vertices[0] // 4]
         weights = np.array([hinge.weights[vertex % 4] for vertex in vertices])
         forms[edge, :16] = hinge.stiffness * np.outer(weights, weights).ravel()

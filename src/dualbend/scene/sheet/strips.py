@@ -16,14 +16,14 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-import msgspec
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.beam.plastic import HingeSprings
 from dualbend.beam.sheet import Sheet
-from dualbend.types import Tagged
+from dualbend.scene.mjcf import BOX, DRAWN, SHEET_RGBA, SITE, about_z, make_plate
+from dualbend.types import Tagged, said
 
 CLAMPED_FIRST_ROOT = 4.730040744862704
 """First root of cosh(b) cos(b) = 1: the clamped-clamped beam's first mode."""
@@ -35,18 +35,13 @@ LEFT_END, RIGHT_END = "sheet_left_end", "sheet_right_end"
 """Sites at the clamp lines; x points into the sheet, y along the bending axis of that end's arm."""
 
 
-class StripConfig(Tagged, frozen=True, kw_only=True, tag="strips"):
+class StripConfig(Tagged, tag="strips"):
     """A chain of strips, as stiff as rigidity says: how finely it is divided, how it is damped."""
 
-    hinges: Annotated[int, msgspec.Meta(ge=4, le=200, description="bending hinges, even")] = 20
-    damping_ratio: Annotated[
-        float, msgspec.Meta(ge=0, lt=1, description="of the first clamped bending mode")
-    ] = 0.02
+    hinges: Annotated[int, said("bending hinges, even", ge=4, le=200)] = 20
+    damping_ratio: Annotated[float, said("of the first clamped bending mode", ge=0, lt=1)] = 0.02
     springs: Annotated[
-        int,
-        msgspec.Meta(
-            ge=4, le=16, description="that yield one after the other, of each hinge; plastic only"
-        ),
+        int, said("that yield one after the other, of each hinge; plastic only", ge=4, le=16)
     ] = 10
 
     def __post_init__(self) -> None:
@@ -67,10 +62,8 @@ def damping_time(sheet: Sheet, damping_ratio: float) -> float:
 
     ``β = 2 ζ / ω₁`` with ``ω₁ = (4.730/L)² sqrt(EI / ρA)``.
     """
-    mass_per_length = sheet.mass_kg / sheet.length_m
-    omega_1 = (CLAMPED_FIRST_ROOT / sheet.length_m) ** 2 * np.sqrt(
-        sheet.bending_stiffness_nm2 / mass_per_length
-    )
+    EI, mass_per_length = sheet.bending_stiffness_nm2, sheet.mass_kg / sheet.length_m
+    omega_1 = (CLAMPED_FIRST_ROOT / sheet.length_m) ** 2 * np.sqrt(EI / mass_per_length)
     return float(2.0 * damping_ratio / omega_1)
 
 
@@ -87,11 +80,6 @@ def bend_joint(index: int) -> str:
 def twist_joint(index: int) -> str:
     """Name of the twist hinge beside a bending hinge; every second one has it."""
     return f"sheet_twist_{index:02d}"
-
-
-def yielding_spring(hinge: int, index: int) -> str:
-    """Name of the tendon that is one of the yielding springs of a bending hinge."""
-    return f"sheet_yield_{hinge:02d}_{index:02d}"
 
 
 def strip_body(index: int) -> str:
@@ -116,15 +104,9 @@ def add_sheet(
         springs = hinge_springs(sheet, config)
         for hinge in range(n):
             _add_yielding(spec, hinge, springs, h, sheet.bending_stiffness_nm2 / h)
-    for direction, site, yaw in ((-1, LEFT_END, 0.0), (1, RIGHT_END, np.pi)):
+    for direction, site, yaw in ((-1, LEFT_END, 0.0), (1, RIGHT_END, math.pi)):
         end = _add_half(middle, sheet, config, direction)
-        end.add_site(
-            name=site,
-            pos=[direction * h / 2, 0.0, 0.0],
-            quat=[np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)],
-            group=4,
-            size=[0.003, 0.003, 0.003],
-        )
+        end.add_site(name=site, pos=[direction * h / 2, 0.0, 0.0], quat=about_z(yaw), **SITE)
 
 
 def hinge_springs(sheet: Sheet, config: StripConfig) -> HingeSprings:
@@ -136,12 +118,8 @@ def hinge_springs(sheet: Sheet, config: StripConfig) -> HingeSprings:
 def hinge_stiffness(model: mujoco.MjModel, hinge: int) -> float:
     """Return the elastic stiffness of a bending hinge with all its springs [N m/rad]."""
     joint = model.joint(bend_joint(hinge)).id
-    on_it = [
-        i
-        for i in range(model.ntendon)
-        if model.wrap_objid[model.tendon_adr[i]] == joint
-        and model.tendon(i).name.startswith("sheet_yield_")
-    ]
+    own = f"sheet_yield_{hinge:02d}_"
+    on_it = [i for i in range(model.ntendon) if model.tendon(i).name.startswith(own)]
     return float(model.jnt_stiffness[joint].flat[0] + model.tendon_stiffness[on_it].sum())
 
 
@@ -149,10 +127,9 @@ def _add_yielding(
     spec: mujoco.MjSpec, hinge: int, springs: HingeSprings, h: float, stiffness: float
 ) -> None:
     """Put the yielding springs on a hinge; the joint's own is what never yields."""
-    for i, (share, curvature) in enumerate(
-        zip(springs.share.tolist(), springs.yield_curvature.tolist(), strict=True)
-    ):
-        tendon = spec.add_tendon(name=yielding_spring(hinge, i))
+    rows = np.column_stack((springs.share, springs.yield_curvature)).tolist()
+    for i, (share, curvature) in enumerate(rows):
+        tendon = spec.add_tendon(name=f"sheet_yield_{hinge:02d}_{i:02d}")
         tendon.wrap_joint(bend_joint(hinge), 1.0)
         tendon.stiffness = [share * stiffness, 0.0, 0.0]
         tendon.springyield = curvature * h
@@ -172,23 +149,19 @@ def _add_half(
     elastic = 1.0 if sheet.plasticity is None else hinge_springs(sheet, config).elastic
     parent, offset = middle, direction * h / 2
     for i in range(n // 2):
-        hinge = n // 2 - 1 - i if direction < 0 else n // 2 + i
-        strip = hinge if direction < 0 else hinge + 1
+        strip = n // 2 + direction * (i + 1)
+        hinge = min(strip, strip - direction)
         body = parent.add_body(name=strip_body(strip), pos=[offset, 0.0, 0.0])
-        body.add_joint(
-            name=bend_joint(hinge),
-            type=mujoco.mjtJoint.mjJNT_HINGE,
-            axis=[0.0, float(direction), 0.0],
-            stiffness=elastic * bend,
-            damping=beta * bend,
-        )
+        joints = [(bend_joint(hinge), [0, direction, 0], elastic, bend)]
         if i % _TWIST_EVERY == 0:
+            joints.append((twist_joint(hinge), [direction, 0, 0], 1.0, twist))
+        for name, axis, share, stiffness in joints:
             body.add_joint(
-                name=twist_joint(hinge),
+                name=name,
                 type=mujoco.mjtJoint.mjJNT_HINGE,
-                axis=[float(direction), 0.0, 0.0],
-                stiffness=twist,
-                damping=beta * twist,
+                axis=axis,
+                stiffness=share * stiffness,
+                damping=beta * stiffness,
             )
         length = h / 2 if i == n // 2 - 1 else h
         _fill_strip(body, sheet, length, direction * length / 2)
@@ -198,24 +171,13 @@ def _add_half(
 
 def _fill_strip(body: mujoco.MjsBody, sheet: Sheet, length_m: float, centre_x_m: float) -> None:
     """Give a strip its inertia and its picture."""
-    w, t = sheet.width_m, sheet.thickness_m
-    mass = sheet.mass_kg * length_m / sheet.length_m
-    body.explicitinertial = True
-    body.mass = mass
-    body.ipos = [centre_x_m, 0.0, 0.0]
-    body.inertia = [
-        mass * (w**2 + t**2) / 12,
-        mass * (length_m**2 + t**2) / 12,
-        mass * (length_m**2 + w**2) / 12,
-    ]
+    make_plate(body, sheet, length_m, centre_x_m)
     body.add_geom(
         name=f"{body.name}_plate",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[length_m / 2, w / 2, t / 2],
+        type=BOX,
+        size=[length_m / 2, sheet.width_m / 2, sheet.thickness_m / 2],
         pos=[centre_x_m, 0.0, 0.0],
         mass=0.0,
-        contype=0,
-        conaffinity=0,
-        group=2,
-        rgba=[0.30, 0.52, 0.80, 1.0],
+        rgba=SHEET_RGBA,
+        **DRAWN,
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from dualbend.errors import InputError
+from dualbend.errors import writing
 from dualbend.study.onset.results import Case, OnsetStudy
 from dualbend.table import Table, shown
 
@@ -36,12 +36,10 @@ def report(found: OnsetStudy) -> str:
 
 def write_report(found: OnsetStudy, folder: Path) -> None:
     """Write ``onset.md`` and ``onset.json``; InputError where that fails."""
-    try:
+    with writing(folder, "--out"):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "onset.md").write_text(report(found), encoding="utf-8")
         (folder / "onset.json").write_bytes(msgspec.json.format(msgspec.json.encode(found)))
-    except OSError as error:
-        raise InputError(f"--out {folder}: cannot be written: {error.strerror}") from error
 
 
 def summary(found: OnsetStudy) -> str:

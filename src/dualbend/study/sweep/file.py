@@ -30,6 +30,7 @@ from dualbend.study.sweep.keys import (
     known_keys,
     make_spec,
 )
+from dualbend.types import Config
 
 SWEEP, SCENARIO = "sweep.toml", "scenario.toml"
 """Files that a sweep leaves in its folder: the same sweep, complete."""
@@ -37,7 +38,7 @@ SWEEP, SCENARIO = "sweep.toml", "scenario.toml"
 _DRAWN = ("random", "sobol")
 
 
-class SampleConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class SampleConfig(Config):
     """How the keys' values are put together to runs.
 
     ``noise``: "same" noise of the sensors in every run, or of a seed of its own in "each".
@@ -65,7 +66,7 @@ class SampleConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
             raise ValueError(f'sensitivity needs kind = "sobol", not "{self.kind}"')
 
 
-class SweepConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class SweepConfig(Config):
     """The file as it is written; ``metrics`` are those that table and pictures show."""
 
     scenario: Annotated[str, msgspec.Meta(min_length=1)]

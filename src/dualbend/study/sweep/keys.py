@@ -18,12 +18,12 @@ from scipy.special import ndtr, ndtri
 from dualbend.errors import InputError
 from dualbend.scenario.explain import explain, refuse_unknown
 from dualbend.scenario.keys import Key, sections
-from dualbend.types import Vector
+from dualbend.types import Config, Vector
 
 MOST_VALUES = 100_000
 
 
-class Values(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Values(Config):
     """The values themselves, of any kind that the key takes."""
 
     values: Annotated[tuple[Any, ...], msgspec.Meta(min_length=1, max_length=MOST_VALUES)]
@@ -33,7 +33,7 @@ class Values(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         return list(self.values)
 
 
-class Range(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Range(Config):
     """``steps`` values from ``min`` to ``max``, both included, in equal steps or equal ratios."""
 
     min: float
@@ -51,7 +51,7 @@ class Range(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         return [float(value) for value in space(self.min, self.max, self.steps)]
 
 
-class Uniform(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Uniform(Config):
     """Equally likely from ``min`` to ``max``; ``loguniform``: its logarithm is."""
 
     distribution: Literal["uniform", "loguniform"]
@@ -71,7 +71,7 @@ class Uniform(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         return np.clip(value, self.min, self.max)  # rounding
 
 
-class Normal(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Normal(Config):
     """Normal, of this mean and standard deviation; cut off at ``min`` and ``max`` if given."""
 
     distribution: Literal["normal"]

@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, writing
 from dualbend.evaluation.metrics import versions
 from dualbend.run.record import Metric
 from dualbend.study.sweep.design import Design
@@ -62,11 +62,9 @@ def write_table(table: pa.Table, folder: Path) -> None:
     """Write ``table.parquet``; the old one stays whole until the new one is."""
     path = folder / TABLE
     part = path.with_suffix(".part")
-    try:
+    with writing(path):
         pq.write_table(table, part)
         part.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def key_unit(name: str) -> str:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Annotated
 
 import msgspec
-from msgspec import Meta
 
 from dualbend.beam.sheet import Sheet
 from dualbend.control.compliance.object import ObjectComplianceConfig
@@ -17,31 +16,25 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import SheetConfig
 from dualbend.scenario.task import TaskConfig
 from dualbend.scene.bed.config import LayoutConfig
-
-Positive = Annotated[float, Meta(gt=0)]
-NotNegative = Annotated[float, Meta(ge=0)]
+from dualbend.types import Config, said
 
 
-class SpeedsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class SpeedsConfig(Config):
     """Highest speed of each kind of motion."""
 
-    travel_m_per_s: Annotated[Positive, Meta(description="of sheet or grippers in free motion")] = (
-        0.25
-    )
-    contact_m_per_s: Annotated[Positive, Meta(description="down past the tips of the pins")] = 0.003
-    seat_m_per_s: Annotated[Positive, Meta(description="down from there to the bed")] = 0.010
-    unfold_rad_per_s: Annotated[
-        Positive, Meta(description="of unfolding and turning in free motion")
-    ] = 0.1
-    contact_rad_per_s: Annotated[Positive, Meta(description="of unfolding onto the pins")] = 0.03
-    jaw_m_per_s: Annotated[Positive, Meta(description="of each jaw")] = 0.02
+    travel_m_per_s: Annotated[float, said("of sheet or grippers in free motion", gt=0)] = 0.25
+    contact_m_per_s: Annotated[float, said("down past the tips of the pins", gt=0)] = 0.003
+    seat_m_per_s: Annotated[float, said("down from there to the bed", gt=0)] = 0.010
+    unfold_rad_per_s: Annotated[float, said("of unfolding and turning in free motion", gt=0)] = 0.1
+    contact_rad_per_s: Annotated[float, said("of unfolding onto the pins", gt=0)] = 0.03
+    jaw_m_per_s: Annotated[float, said("of each jaw", gt=0)] = 0.02
 
 
-class SearchConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class SearchConfig(Config):
     """What is done where a hole did not find its pin: up, aside, down again."""
 
-    attempts: Annotated[int, Meta(ge=0, le=50, description="before the task stops")] = 6
-    step_m: Annotated[Positive, Meta(description="between the places that are tried")] = 1.2e-3
+    attempts: Annotated[int, said("before the task stops", ge=0, le=50)] = 6
+    step_m: Annotated[float, said("between the places that are tried", gt=0)] = 1.2e-3
 
     def places(self) -> list[tuple[float, float]]:
         """Return where to try the middle holes, (x, y) [m], relative to their place.
@@ -66,77 +59,62 @@ DEFAULT_YIELD_PA = 193e6
 """Of a sheet of no named material: 5052-H32, that of the shipped experiments."""
 
 
-class LimitsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class LimitsConfig(Config):
     """What damages the sheet or a pin: beyond it the run fails."""
 
-    pin_force_n: Annotated[Positive, Meta(description="largest force on a pin")] = 40.0
-    edge_force_n: Annotated[
-        Positive, Meta(description="largest force of one contact at a hole's edge")
-    ] = 40.0
+    pin_force_n: Annotated[float, said("largest force on a pin", gt=0)] = 40.0
+    edge_force_n: Annotated[float, said("largest force of one contact at a hole's edge", gt=0)] = (
+        40.0
+    )
     yield_pa: (
-        Annotated[Positive, Meta(description="0.2 % yield strength; none: the sheet's, or 193 MPa")]
-        | None
+        Annotated[float, said("0.2 % yield strength; none: the sheet's, or 193 MPa", gt=0)] | None
     ) = None
 
 
-class ErrorsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ErrorsConfig(Config):
     """What is otherwise than the robots believe; they are not told."""
 
-    pickup_x_m: Annotated[float, Meta(description="how far the sheet lies off along x")] = 0.0
-    pickup_y_m: Annotated[float, Meta(description="how far the sheet lies off along y")] = 0.0
-    pickup_yaw_rad: Annotated[
-        float, Meta(description="how far the sheet lies turned about the vertical")
-    ] = 0.0
-    thickness_factor: Annotated[
-        Positive, Meta(description="true thickness over the believed one")
-    ] = 1.0
-    modulus_factor: Annotated[
-        Positive, Meta(description="true Young's modulus over the believed one")
-    ] = 1.0
-    friction_factor: Annotated[
-        float, Meta(ge=0, description="true friction over the believed one")
-    ] = 1.0
+    pickup_x_m: Annotated[float, said("how far the sheet lies off along x")] = 0.0
+    pickup_y_m: Annotated[float, said("how far the sheet lies off along y")] = 0.0
+    pickup_yaw_rad: Annotated[float, said("how far the sheet lies turned about the vertical")] = 0.0
+    thickness_factor: Annotated[float, said("true thickness over the believed one", gt=0)] = 1.0
+    modulus_factor: Annotated[float, said("true Young's modulus over the believed one", gt=0)] = 1.0
+    friction_factor: Annotated[float, said("true friction over the believed one", ge=0)] = 1.0
 
 
-class SpreadConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class SpreadConfig(Config):
     """Standard deviations of what differs from sheet to sheet; those without a unit are relative.
 
     ``hole_m`` is that of each hole along the sheet, and across it.
     """
 
-    pickup_x_m: Annotated[NotNegative, Meta(description="of where the sheet lies along x")] = 0.3e-3
-    pickup_y_m: Annotated[NotNegative, Meta(description="of where the sheet lies along y")] = 0.3e-3
-    pickup_yaw_rad: Annotated[NotNegative, Meta(description="of its turn about the vertical")] = (
-        math.radians(0.2)
+    pickup_x_m: Annotated[float, said("of where the sheet lies along x", ge=0)] = 0.3e-3
+    pickup_y_m: Annotated[float, said("of where the sheet lies along y", ge=0)] = 0.3e-3
+    pickup_yaw_rad: Annotated[float, said("of its turn about the vertical", ge=0)] = math.radians(
+        0.2
     )
-    hole_m: Annotated[NotNegative, Meta(description="of each hole's place, along and across")] = (
-        0.01e-3
-    )
-    thickness: Annotated[NotNegative, Meta(description="of true over believed thickness")] = 0.02
-    modulus: Annotated[NotNegative, Meta(description="of true over believed Young's modulus")] = (
-        0.02
-    )
-    friction: Annotated[NotNegative, Meta(description="of true over believed friction")] = 0.2
+    hole_m: Annotated[float, said("of each hole's place, along and across", ge=0)] = 0.01e-3
+    thickness: Annotated[float, said("of true over believed thickness", ge=0)] = 0.02
+    modulus: Annotated[float, said("of true over believed Young's modulus", ge=0)] = 0.02
+    friction: Annotated[float, said("of true over believed friction", ge=0)] = 0.2
 
 
-class AssemblyConfig(TaskConfig, frozen=True, kw_only=True, tag="assembly"):
+class AssemblyConfig(TaskConfig, tag="assembly"):
     """Lay sheets with holes over alignment pins: the workplace, and how the robots work there."""
 
     layout: LayoutConfig = LayoutConfig()
-    sheets: Annotated[int, Meta(ge=1, le=10, description="of the stack")] = 1
+    sheets: Annotated[int, said("of the stack", ge=1, le=10)] = 1
     errors: ErrorsConfig = ErrorsConfig()
     spread: SpreadConfig = SpreadConfig()
     speeds: SpeedsConfig = SpeedsConfig()
     search: SearchConfig = SearchConfig()
     limits: LimitsConfig = LimitsConfig()
     compliance: ObjectComplianceConfig | None = None
-    lift_m: Annotated[float, Meta(gt=0, le=0.5, description="above stand and bed")] = 0.05
-    retreat_m: Annotated[float, Meta(gt=0, le=0.3, description="from the sheet's end")] = 0.05
-    jaw_opening_m: Annotated[float, Meta(gt=0, le=0.015, description="of each jaw")] = 0.012
-    press_m: Annotated[
-        float, Meta(ge=0, le=0.01, description="lower than the middle would need")
-    ] = 0.2e-3
-    timeout_s: Annotated[float, Meta(gt=0, le=600, description="to wait for a phase's end")] = 10.0
+    lift_m: Annotated[float, said("above stand and bed", gt=0, le=0.5)] = 0.05
+    retreat_m: Annotated[float, said("from the sheet's end", gt=0, le=0.3)] = 0.05
+    jaw_opening_m: Annotated[float, said("of each jaw", gt=0, le=0.015)] = 0.012
+    press_m: Annotated[float, said("lower than the middle would need", ge=0, le=0.01)] = 0.2e-3
+    timeout_s: Annotated[float, said("to wait for a phase's end", gt=0, le=600)] = 10.0
 
     @property
     def carried_share(self) -> float:

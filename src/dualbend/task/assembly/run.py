@@ -117,7 +117,7 @@ class AssemblyRun(Run):
             config=self.config,
             sheet=sheet,
             path=self._path,
-            touch_rad=self.plan.unfolding.reach_rad,
+            touch_rad=self.plan.range.reach_rad,
             bend_speed_rad_per_s=scenario.motion.speed_rad_per_s,
             period_s=COMMAND_PERIOD_S,
         )

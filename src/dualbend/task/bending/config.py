@@ -11,32 +11,29 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from msgspec import Meta
 
 from dualbend.errors import InputError
 from dualbend.scenario.motion import MotionConfig, NominalMotion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import SheetConfig
 from dualbend.scenario.task import TaskConfig
-from dualbend.types import Vector
+from dualbend.types import Config, Vector, said
 
 SHORTEST_SETTLE_S = 0.25
 """The errors come in while the arms settle: faster, the sheet would be struck."""
 
-Tilt = Annotated[float, Meta(ge=-0.5, le=0.5)]
 
-
-class GripError(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class GripError(Config):
     """How the sheet's edge stands off the gripper's frame G: R_GE = R_z(yaw) R_x(roll)."""
 
-    lateral_m: Annotated[
-        float, Meta(ge=-0.05, le=0.05, description="across the sheet, along y_G")
-    ] = 0.0
-    roll_rad: Annotated[Tilt, Meta(description="about x_G, which points into the sheet")] = 0.0
-    yaw_rad: Annotated[Tilt, Meta(description="about z_G, the jaws' normal")] = 0.0
+    lateral_m: Annotated[float, said("across the sheet, along y_G", ge=-0.05, le=0.05)] = 0.0
+    roll_rad: Annotated[float, said("about x_G, which points into the sheet", ge=-0.5, le=0.5)] = (
+        0.0
+    )
+    yaw_rad: Annotated[float, said("about z_G, the jaws' normal", ge=-0.5, le=0.5)] = 0.0
 
 
-class MisalignmentConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class MisalignmentConfig(Config):
     """Errors of both grips in space, which neither path nor controller knows."""
 
     left: GripError = GripError()
@@ -47,7 +44,7 @@ class MisalignmentConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
         return np.array([msgspec.structs.astuple(side) for side in (self.left, self.right)])
 
 
-class BendingConfig(TaskConfig, frozen=True, kw_only=True, tag="bending"):
+class BendingConfig(TaskConfig, tag="bending"):
     """Bend the sheet along the path between two grips, hold it, and maybe go back."""
 
     misalignment: MisalignmentConfig | None = None

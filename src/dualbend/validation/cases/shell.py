@@ -21,7 +21,6 @@ from dualbend.scene.sheet.shell import (
     ShellConfig,
     add_shell,
     hinges,
-    prepare_for_shell,
     row_places,
     row_shares,
 )
@@ -82,7 +81,6 @@ def settle(
 ) -> Settled:
     """Return the plate at rest between ideal grips, the right one rolled; no weight."""
     spec = empty_scene(_STEP_S, weight=False)
-    prepare_for_shell(spec)
     add_shell(spec, sheet, config, np.zeros(3))
     add_ideal_grips(spec, _WELD_TIME_S, _WELD_ARM_M)
     model = spec.compile()

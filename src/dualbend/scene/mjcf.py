@@ -1,0 +1,33 @@
+"""What the MuJoCo specifications of cell, sheet and bed share."""
+
+import math
+from typing import Final
+
+import mujoco
+
+from dualbend.beam.sheet import Sheet
+
+BOX: Final = mujoco.mjtGeom.mjGEOM_BOX
+
+SHEET_RGBA: Final = [0.30, 0.52, 0.80, 1.0]
+
+DRAWN: Final = {"contype": 0, "conaffinity": 0, "group": 2}
+"""A geom that is only looked at: it touches nothing."""
+
+SITE: Final = {"group": 4, "size": [0.003] * 3}
+"""A site as small as a grip, not drawn by default."""
+
+
+def about_z(angle_rad: float) -> tuple[float, float, float, float]:
+    """Return the quaternion (w, x, y, z) of a turn about z."""
+    return math.cos(angle_rad / 2), 0.0, 0.0, math.sin(angle_rad / 2)
+
+
+def make_plate(body: mujoco.MjsBody, sheet: Sheet, length_m: float, centre_x_m: float) -> None:
+    """Give a body the inertia of a stretch of the flat sheet, centred on the body's x axis."""
+    w, t = sheet.width_m, sheet.thickness_m
+    body.explicitinertial = True
+    mass = body.mass = sheet.mass_kg * length_m / sheet.length_m
+    body.ipos = [centre_x_m, 0.0, 0.0]
+    sides = (w**2 + t**2, length_m**2 + t**2, length_m**2 + w**2)
+    body.inertia = [mass * squares / 12 for squares in sides]
