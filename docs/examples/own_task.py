@@ -31,7 +31,7 @@ from dualbend import (
 PHASES = ("settle", "weigh")
 
 
-class WeighConfig(TaskConfig, frozen=True, kw_only=True, tag="weigh"):
+class WeighConfig(TaskConfig, tag="weigh"):
     """Hold the sheet at one bending angle and weigh it."""
 
     hold_rad: Annotated[float, msgspec.Meta(gt=0, lt=1, description="bending angle")] = 0.3

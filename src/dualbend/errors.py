@@ -1,7 +1,7 @@
 """What can go wrong, as one family of exceptions."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 
@@ -14,14 +14,21 @@ class InputError(DualbendError, ValueError):
 
 
 @contextmanager
-def writing(path: Path, option: str = "", *, also: type[Exception] = OSError) -> Iterator[None]:
-    """Turn an OSError, or an error that the writer raises ``also``, into an InputError.
-
-    The message names the ``option`` that gave the path, if there is one, and the path.
-    """
+def refusing(said: str, *errors: type[Exception]) -> Iterator[None]:
+    """Turn errors, of these types or InputError, into an InputError that begins with ``said``."""
+    refused = errors or (InputError,)
     try:
         yield
-    except (OSError, also) as error:
-        place = f"{option} {path}".lstrip()
+    except refused as error:
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{place}: cannot be written: {reason}") from error
+        raise InputError(f"{said}: {reason}") from error
+
+
+def writing(
+    path: Path, option: str = "", *, also: type[Exception] = OSError
+) -> AbstractContextManager[None]:
+    """Refuse a path, with the ``option`` that gave it, where an OSError says it is not writable.
+
+    ``also``: another error that the writer raises, e.g. of a format that it does not know.
+    """
+    return refusing(f"{option} {path}: cannot be written".lstrip(), OSError, also)

@@ -1,4 +1,4 @@
-"""Types that every package shares: the two sides, sections of a scenario, poses and wrenches.
+"""Types that every package shares: vectors, the two sides, sections, planar poses and wrenches.
 
 An arm's bending frame B has its origin on the floor in the mid-plane between the arms, z up and x
 towards the other arm; the right arm's is the left arm's turned by π about z. The grip frame G has

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.types import Vector
 
 if TYPE_CHECKING:
@@ -45,10 +45,9 @@ def read_mesh(file: Path) -> tuple[ColouredMesh, ...]:
     """
     import trimesh  # noqa: PLC0415  (an arm without mesh files does without)
 
-    try:
+    # Each format's reader raises errors of its own.
+    with refusing(f"{file}: the arm's mesh cannot be read", Exception):
         parts = trimesh.load_scene(file, process=False).dump()
-    except Exception as error:  # each format's reader raises errors of its own
-        raise InputError(f"{file}: the arm's mesh cannot be read: {error}") from error
     for part in parts:
         if part.units is not None:
             part.convert_units("meters")

@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 import msgspec
 
 from dualbend.check.tolerances import Tolerance
-from dualbend.errors import InputError, writing
+from dualbend.errors import InputError, refusing, writing
 from dualbend.types import Config
 
 DEFAULT_FILE = Path("baseline.json")
@@ -89,10 +89,8 @@ def read_baseline(path: Path) -> Baseline:
     InputError
         It cannot be read, or is no baseline; the message says where.
     """
-    try:
+    with refusing(f"{path}: no baseline", OSError, UnicodeDecodeError, msgspec.MsgspecError):
         return msgspec.json.decode(path.read_bytes(), type=Baseline)
-    except (OSError, UnicodeDecodeError, msgspec.MsgspecError) as error:
-        raise InputError(f"{path}: no baseline: {error}") from error
 
 
 def write_baseline(baseline: Baseline, path: Path) -> None:

@@ -7,18 +7,7 @@ Heavy imports happen inside the commands.
 
 import click
 
-from dualbend.cli import (
-    arms,
-    assembly,
-    files,
-    judge,
-    materials,
-    report,
-    runs,
-    stability,
-    sweep,
-    theory,
-)
+from dualbend.cli import assembly, files, judge, report, runs, stability, sweep, theory
 from dualbend.cli.common import Commands, examples
 
 
@@ -32,28 +21,7 @@ def main() -> None:
     """Two position-controlled arms bend a flexible sheet."""
 
 
-for _command in (
-    runs.run,
-    theory.beam,
-    materials.materials,
-    theory.validate,
-    judge.check,
-    judge.compare,
-    report.report,
-    report.figures,
-    files.list_command,
-    files.new,
-    files.schema,
-    files.reference,
-    arms.arms,
-    runs.scene,
-    runs.render,
-    runs.view,
-    assembly.plan,
-    runs.benchmark,
-    assembly.robustness,
-    sweep.sweep,
-    stability.stability,
-    stability.tune,
-):
-    main.add_command(_command)
+for _module in (assembly, files, judge, report, runs, stability, sweep, theory):
+    for _command in vars(_module).values():
+        if isinstance(_command, click.Command):
+            main.add_command(_command)

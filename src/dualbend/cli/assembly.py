@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 
 import click
 
-from dualbend.cli.common import EXIT_INTERRUPTED, SETTINGS, complete_scenarios, examples, shown
+from dualbend.cli.common import (
+    JSON,
+    PATH,
+    SCENARIO,
+    SETTINGS,
+    WORKERS,
+    command,
+    exit_interrupted,
+    load,
+    progress_bar,
+    shown,
+)
 from dualbend.errors import writing
 
 
-@click.command(epilog=examples("dualbend plan pwb --set task.layout.holes.clearance_m=1e-4"))
-@click.argument("scenario", shell_complete=complete_scenarios)
+@command("dualbend plan pwb --set task.layout.holes.clearance_m=1e-4")
+@SCENARIO
 @SETTINGS
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@JSON
 def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
     """Plan an assembly: the bending angles at which the holes fit.
 
@@ -26,10 +36,9 @@ def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
     import json
 
     from dualbend.planning.plan import plan_summary
-    from dualbend.scenario.load import load_scenario
     from dualbend.task.assembly.run import assembly_plan
 
-    loaded = load_scenario(scenario, settings)
+    loaded = load(scenario, settings)
     found = plan_summary(assembly_plan(loaded), loaded.path.end_rad)
     if as_json:
         click.echo(json.dumps({name: value for name, (value, _) in found.items()}, indent=2))
@@ -38,14 +47,14 @@ def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
         click.echo(f"{name:<30}{shown(value):>12}  {unit}")
 
 
-@click.command(epilog=examples("dualbend robustness pwb --runs 40 --workers 2"))
-@click.argument("scenario", shell_complete=complete_scenarios)
+@command("dualbend robustness pwb --runs 40 --workers 2")
+@SCENARIO
 @click.option("--runs", type=click.IntRange(min=1), required=True, help="Number of draws.")
 @click.option(
     "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the draws."
 )
-@click.option("--workers", type=click.IntRange(1, 256), help="Processes; default: one per core.")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the study.")
+@WORKERS
+@click.option("--out", type=PATH, help="Folder of the study.")
 @SETTINGS
 def robustness(
     scenario: str,
@@ -61,36 +70,26 @@ def robustness(
     continues a study that was interrupted.
     """
     from dualbend.run.output import uninterrupted, write_json
-    from dualbend.scenario.load import load_scenario
     from dualbend.study.robustness.figure import plot_success
     from dualbend.study.robustness.run import run_study
     from dualbend.study.robustness.summary import summarise, table
 
-    loaded = load_scenario(scenario, settings)
+    loaded = load(scenario, settings)
     folder = out if out is not None else Path("runs") / f"{loaded.name}-robustness"
     processes = workers if workers is not None else os.cpu_count() or 1
-    done, interrupted = 0, False
-    with click.progressbar(
-        length=0, label=loaded.name, file=sys.stderr, hidden=not sys.stderr.isatty()
-    ) as bar:
+    done = 0
+    try:
+        with progress_bar(0, loaded.name) as bar:
 
-        def show(count: int, total: int, _: object) -> None:
-            nonlocal done
-            bar.length = total
-            bar.update(count - done)
-            done = count
+            def show(count: int, total: int, _: object) -> None:
+                nonlocal done
+                bar.length = total
+                bar.update(count - done)
+                done = count
 
-        try:
             trials = run_study(loaded, folder, runs=runs, seed=seed, workers=processes, on_run=show)
-        except KeyboardInterrupt:
-            interrupted = True
-    if interrupted:
-        click.echo(
-            f"dualbend: interrupted after {done} of {bar.length} runs, kept in {folder}; "
-            "the same command continues",
-            err=True,
-        )
-        sys.exit(EXIT_INTERRUPTED)
+    except KeyboardInterrupt:
+        exit_interrupted(done, bar.length, folder)
     numbers = summarise(loaded, seed, trials, folder)
     with uninterrupted():
         with writing(folder, "--out"):

@@ -3,33 +3,27 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import click
 
 from dualbend.errors import DualbendError, writing
 
 if TYPE_CHECKING:
+    from click._termui_impl import ProgressBar
     from click.shell_completion import CompletionItem
+
+    from dualbend.run.record import RunRecord
+    from dualbend.scenario.scenario import Scenario
 
 _EXAMPLES_HEADING = "\b\nExample:"
 """The control character prevents click from joining the following lines to a paragraph."""
 
 EXIT_FAILED_CHECK, EXIT_BAD_INPUT, EXIT_UNEXPECTED, EXIT_INTERRUPTED = 1, 2, 3, 130
 
-SETTINGS = click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="PATH.TO.KEY=VALUE",
-    help="Change one key of the scenario; may be given more than once.",
-)
-
-
-def examples(*lines: str) -> str:
-    """Return the example lines of a help text, each as it is typed."""
-    return "\n".join((_EXAMPLES_HEADING, *(f"  {line}" for line in lines)))
+PATH = click.Path(path_type=Path)
 
 
 def complete_scenarios(
@@ -39,6 +33,35 @@ def complete_scenarios(
     from dualbend.scenario.shipped import complete_scenario
 
     return complete_scenario(incomplete)
+
+
+SCENARIO = click.argument("scenario", shell_complete=complete_scenarios)
+SETTINGS = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="PATH.TO.KEY=VALUE",
+    help="Change one key of the scenario; may be given more than once.",
+)
+SEED = click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")
+WORKERS = click.option(
+    "--workers", type=click.IntRange(1, 256), help="Processes; default: one per core."
+)
+JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+MARKDOWN_TABLE = click.option(
+    "--markdown", is_flag=True, help="Print the table of the documentation."
+)
+OUT_FILE = click.option("--out", type=PATH, help="File to write; default: print.")
+
+
+def examples(*lines: str) -> str:
+    """Return the example lines of a help text, each as it is typed."""
+    return "\n".join((_EXAMPLES_HEADING, *(f"  {line}" for line in lines)))
+
+
+def command(*lines: str, name: str | None = None) -> Callable[[Callable[..., None]], click.Command]:
+    """Make a function a command whose help ends with these examples."""
+    return click.command(name, epilog=examples(*lines))
 
 
 class Commands(click.Group):
@@ -75,6 +98,49 @@ def deliver(text: str, out: Path | None) -> None:
     with writing(out, "--out"):
         out.write_text(text, encoding="utf-8")
     click.echo(f"{out} written")
+
+
+def print_json(value: object) -> None:
+    """Print structs, lists and dictionaries; a number that is not finite is null."""
+    import msgspec
+
+    click.echo(msgspec.json.format(msgspec.json.encode(value), indent=2).decode())
+
+
+def load(scenario: str, settings: tuple[str, ...], seed: int | None = None) -> Scenario:
+    """Return the scenario that the command line names, with its settings."""
+    from dualbend.scenario.load import load_scenario
+
+    return load_scenario(scenario, settings, seed)
+
+
+def show_end(result: RunRecord) -> None:
+    """Print how a run ended."""
+    ended = f" ({result.reason})" if result.reason else ""
+    click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
+
+
+def progress_bar(length: int, label: str) -> ProgressBar[int]:
+    """Return a bar that a terminal shows, and a log does not."""
+    return click.progressbar(
+        length=length, label=label, file=sys.stderr, hidden=not sys.stderr.isatty()
+    )
+
+
+def exit_by(result: RunRecord) -> None:
+    """Exit with the code of a run that ended otherwise than its scenario expects."""
+    if not result.expected:
+        sys.exit(EXIT_UNEXPECTED)
+
+
+def exit_interrupted(done: int, total: int | None, folder: Path) -> NoReturn:
+    """Exit from a study of which some runs are kept."""
+    click.echo(
+        f"dualbend: interrupted after {done} of {total} runs, kept in {folder}; "
+        "the same command continues",
+        err=True,
+    )
+    sys.exit(EXIT_INTERRUPTED)
 
 
 def shown(value: float | list[float | None] | None) -> str:

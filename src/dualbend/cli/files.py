@@ -1,4 +1,4 @@
-"""Commands around scenario files: list, new, schema, reference."""
+"""Commands around scenario files: what they may say, and files to start from."""
 
 from __future__ import annotations
 
@@ -6,10 +6,20 @@ from pathlib import Path
 
 import click
 
-from dualbend.cli.common import complete_scenarios, deliver, examples
+from dualbend.cli.common import (
+    JSON,
+    MARKDOWN_TABLE,
+    OUT_FILE,
+    SETTINGS,
+    command,
+    complete_scenarios,
+    deliver,
+    print_json,
+)
+from dualbend.errors import InputError, refusing
 
 
-@click.command("list", epilog=examples("dualbend list"))
+@command("dualbend list", name="list")
 def list_command() -> None:
     """List the shipped scenarios."""
     from dualbend.scenario import shipped
@@ -17,9 +27,7 @@ def list_command() -> None:
     click.echo(shipped.table())
 
 
-@click.command(
-    epilog=examples("dualbend new mine", "dualbend new mine --from fig8", "dualbend run mine.toml")
-)
+@command("dualbend new mine", "dualbend new mine --from fig8", "dualbend run mine.toml")
 @click.argument("name")
 @click.option(
     "--from",
@@ -41,8 +49,8 @@ def new(name: str, base: str) -> None:
     click.echo(f"{path}: edit it, then dualbend run {path}")
 
 
-@click.command(epilog=examples("dualbend schema --out scenario.schema.json"))
-@click.option("--out", type=click.Path(path_type=Path), help="File to write; default: print.")
+@command("dualbend schema --out scenario.schema.json")
+@OUT_FILE
 def schema(out: Path | None) -> None:
     """Write the JSON schema of a scenario file, for editors."""
     from dualbend.scenario.schema import schema_text
@@ -50,10 +58,70 @@ def schema(out: Path | None) -> None:
     deliver(schema_text(), out)
 
 
-@click.command(epilog=examples("dualbend reference --out docs/reference.md"))
-@click.option("--out", type=click.Path(path_type=Path), help="File to write; default: print.")
+@command("dualbend reference --out docs/reference.md")
+@OUT_FILE
 def reference(out: Path | None) -> None:
     """Write every section and key of a scenario as Markdown."""
     from dualbend.scenario.reference import reference_markdown
 
     deliver(reference_markdown(), out)
+
+
+@command("dualbend arms", "dualbend arms --for fig6", "dualbend arms --json")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON with all data of each arm.")
+@MARKDOWN_TABLE
+@click.option(
+    "--for",
+    "scenario",
+    metavar="SCENARIO",
+    shell_complete=complete_scenarios,
+    help="Show where each arm would stand for this scenario, or why it cannot do the work.",
+)
+@SETTINGS
+def arms(as_json: bool, markdown: bool, scenario: str | None, settings: tuple[str, ...]) -> None:
+    """List the arms that a scenario can use.
+
+    With --for, each arm is tried in a scenario: base, manipulability and joint-limit margin.
+    """
+    from dualbend.run import arm_list
+
+    if scenario is None and settings:
+        raise InputError("--set changes a scenario: give one with --for")
+    if scenario is not None and not as_json:
+        for row in arm_list.judge_arms(scenario, settings):
+            click.echo(arm_list.verdict_text(row))
+        return
+    if scenario is not None:
+        rows = list(arm_list.judge_arms(scenario, settings))
+    else:
+        rows = arm_list.arm_table()
+    if as_json:
+        print_json(rows)
+    else:
+        click.echo(arm_list.table_markdown(rows) if markdown else arm_list.table_text(rows))
+
+
+@command("dualbend materials", "dualbend materials 6061-T6", "dualbend materials --json")
+@click.argument("name", required=False)
+@MARKDOWN_TABLE
+@OUT_FILE
+@JSON
+def materials(name: str | None, markdown: bool, out: Path | None, as_json: bool) -> None:
+    """List the materials that a scenario can use.
+
+    With a NAME, list each number of that material with its source and grade.
+    """
+    from dualbend.beam import material_table
+    from dualbend.beam.material import find_material, library
+
+    with refusing(f"NAME = {name!r}"):
+        shown = library() if name is None else {name: find_material(name)}
+    if as_json:
+        text = material_table.as_json(shown)
+    elif markdown:
+        text = material_table.markdown(shown)
+    elif name is None:
+        text = material_table.overview(shown)
+    else:
+        text = material_table.sources(shown[name])
+    deliver(text, out)

@@ -7,17 +7,15 @@ from pathlib import Path
 
 import click
 
-from dualbend.cli.common import EXIT_FAILED_CHECK, complete_scenarios, examples
+from dualbend.cli.common import EXIT_FAILED_CHECK, PATH, command, complete_scenarios
 
 
-@click.command(epilog=examples("dualbend check fig8 mine.toml --update", "dualbend check"))
+@command("dualbend check fig8 mine.toml --update", "dualbend check")
 @click.argument("scenarios", nargs=-1, metavar="[SCENARIO ...]", shell_complete=complete_scenarios)
-@click.option(
-    "--baseline", type=click.Path(path_type=Path), help="Baseline file.  [default: ./baseline.json]"
-)
+@click.option("--baseline", type=PATH, help="Baseline file.  [default: ./baseline.json]")
 @click.option("--update", is_flag=True, help="Write the measured values into the baseline.")
-@click.option("--junit", type=click.Path(path_type=Path), help="JUnit XML file to write.")
-@click.option("--markdown", type=click.Path(path_type=Path), help="Markdown file to write.")
+@click.option("--junit", type=PATH, help="JUnit XML file to write.")
+@click.option("--markdown", type=PATH, help="Markdown file to write.")
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one per core.")
 @click.option("--all", "everything", is_flag=True, help="Also print the values that agree.")
 def check(
@@ -58,10 +56,10 @@ def check(
         sys.exit(EXIT_FAILED_CHECK)
 
 
-@click.command(epilog=examples("dualbend compare runs/fig6 runs/fig8 --out runs/compared"))
-@click.argument("run_a", type=click.Path(path_type=Path))
-@click.argument("run_b", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for text, plot and recording.")
+@command("dualbend compare runs/fig6 runs/fig8 --out runs/compared")
+@click.argument("run_a", type=PATH)
+@click.argument("run_b", type=PATH)
+@click.option("--out", type=PATH, help="Folder for text, plot and recording.")
 @click.option("--record/--no-record", default=True, help="Write compare.rrd.")
 def compare(run_a: Path, run_b: Path, out: Path | None, record: bool) -> None:
     """Compare two runs.

@@ -6,17 +6,11 @@ from pathlib import Path
 
 import click
 
-from dualbend.cli.common import SETTINGS, examples
+from dualbend.cli.common import PATH, SETTINGS, command
 
 
-@click.command(
-    epilog=examples(
-        "dualbend report runs/fig8", "dualbend report runs/fig6 runs/fig8 --out both.html"
-    )
-)
-@click.argument(
-    "runs", nargs=-1, required=True, metavar="DIR [DIR ...]", type=click.Path(path_type=Path)
-)
+@command("dualbend report runs/fig8", "dualbend report runs/fig6 runs/fig8 --out both.html")
+@click.argument("runs", nargs=-1, required=True, metavar="DIR [DIR ...]", type=PATH)
 @click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -36,7 +30,7 @@ def report(runs: tuple[Path, ...], out: Path | None) -> None:
     click.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 
-@click.command(epilog=examples("dualbend figures --out figures"))
+@command("dualbend figures --out figures")
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),

@@ -12,10 +12,16 @@ import click
 
 from dualbend.cli.common import (
     EXIT_BAD_INPUT,
-    EXIT_UNEXPECTED,
+    PATH,
+    SCENARIO,
+    SEED,
     SETTINGS,
+    command,
     complete_scenarios,
-    examples,
+    exit_by,
+    load,
+    progress_bar,
+    show_end,
     shown,
 )
 from dualbend.errors import InputError, writing
@@ -27,17 +33,15 @@ if TYPE_CHECKING:
     from dualbend.scenario.scenario import Scenario
 
 
-@click.command(
-    epilog=examples(
-        "dualbend run fig8 --out runs/fig8 --set robot.alter.delay_cycles=3",
-        "dualbend run mine.toml --seed 2 --no-record",
-        "dualbend run pwb --view",
-    )
+@command(
+    "dualbend run fig8 --out runs/fig8 --set robot.alter.delay_cycles=3",
+    "dualbend run mine.toml --seed 2 --no-record",
+    "dualbend run pwb --view",
 )
 @click.argument("scenario", required=False, shell_complete=complete_scenarios)
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for the results.")
+@click.option("--out", type=PATH, help="Folder for the results.")
 @SETTINGS
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")
+@SEED
 @click.option("--record/--no-record", default=True, help="Write run.rrd for the rerun viewer.")
 @click.option(
     "--view",
@@ -66,9 +70,8 @@ def run(
     from dualbend.evaluation.sheet import sheet_report, sheet_warning
     from dualbend.run.make import make_run
     from dualbend.run.output import prepare_folder, trace_kept, uninterrupted
-    from dualbend.scenario.load import load_scenario
 
-    loaded = load_scenario(scenario, settings, seed)
+    loaded = load(scenario, settings, seed)
     folder = out if out is not None else Path("runs") / loaded.name
     prepare_folder(folder)
     ready = make_run(loaded)
@@ -78,12 +81,7 @@ def run(
         click.echo(f"warning: {loaded.name}: {about}", err=True)
     _tell_stability(ready.scenario)
     with (
-        click.progressbar(
-            length=ready.cycles,
-            label=loaded.name,
-            file=sys.stderr,
-            hidden=not sys.stderr.isatty(),
-        ) as bar,
+        progress_bar(ready.cycles, loaded.name) as bar,
         trace_kept(ready, folder) as keep,
         live as picture,
     ):
@@ -101,8 +99,7 @@ def run(
         click.echo(f"dualbend: {failure}", err=True)
     if failures:
         sys.exit(EXIT_BAD_INPUT)
-    if not result.expected:
-        sys.exit(EXIT_UNEXPECTED)
+    exit_by(result)
 
 
 def _tell_stability(scenario: Scenario) -> None:
@@ -174,8 +171,7 @@ def _write(
         if picture.problem is not None:
             click.echo(f"dualbend: --view: the live view ended: {picture.problem}", err=True)
     failures = write_results(result, folder, record=record, notes=notes)
-    ended = f" ({result.reason})" if result.reason else ""
-    click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
+    show_end(result)
     for name, metric in result.metrics.items():
         click.echo(f"  {name:<26}{shown(metric.value):>12}  {metric.unit}")
     _show_sheet(result.summary.sheet)
@@ -203,11 +199,11 @@ def _show_sheet(sheet: dict[str, Any]) -> None:
         click.echo(f"  elastic theory {sheet['theory']}")
 
 
-@click.command(epilog=examples("dualbend render pwb --out pwb.gif --speed 4"))
-@click.argument("scenario", shell_complete=complete_scenarios)
-@click.option("--out", type=click.Path(path_type=Path), required=True, help=".gif or .png file.")
+@command("dualbend render pwb --out pwb.gif --speed 4")
+@SCENARIO
+@click.option("--out", type=PATH, required=True, help=".gif or .png file.")
 @SETTINGS
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")
+@SEED
 @click.option("--camera", help="Camera of the scene: front; bed, in an assembly.")
 @click.option("--fps", type=float, default=10.0, show_default=True, help="Frames per second.")
 @click.option("--speed", type=float, default=4.0, show_default=True, help="Speed over real time.")
@@ -236,22 +232,19 @@ def render(
 
     from dualbend.recording.render import Look, check_look, write_video
     from dualbend.run.make import make_run
-    from dualbend.scenario.load import load_scenario
 
     look = Look(camera=camera, fps=fps, speed=speed, width_px=width, at_s=at_s, inset=inset)
-    ready = make_run(load_scenario(scenario, settings, seed))
+    ready = make_run(load(scenario, settings, seed))
     check_look(look, ready, out)
     result = ready.run()
     frames = write_video(result, out, look)
-    ended = f" ({result.reason})" if result.reason else ""
-    click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
+    show_end(result)
     click.echo(f"{out}: {frames} frame{'s' if frames > 1 else ''}")
-    if not result.expected:
-        sys.exit(EXIT_UNEXPECTED)
+    exit_by(result)
 
 
-@click.command(epilog=examples("dualbend view fig8 --set motion.speed_rad_per_s=0.2"))
-@click.argument("scenario", shell_complete=complete_scenarios)
+@command("dualbend view fig8 --set motion.speed_rad_per_s=0.2")
+@SCENARIO
 @SETTINGS
 def view(scenario: str, settings: tuple[str, ...]) -> None:
     """Run a scenario in MuJoCo's viewer.
@@ -259,21 +252,19 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
     It runs in real time and needs a screen.
     """
     from dualbend.run.make import make_run
-    from dualbend.scenario.load import load_scenario
 
     if not _has_screen():
         raise InputError("view needs a screen; without one, dualbend run writes run.rrd instead")
     from dualbend.recording.viewer import run_in_viewer
 
-    result = run_in_viewer(make_run(load_scenario(scenario, settings)))
+    result = run_in_viewer(make_run(load(scenario, settings)))
     click.echo(f"{result.outcome} {result.reason}".rstrip())
-    if not result.expected:
-        sys.exit(EXIT_UNEXPECTED)
+    exit_by(result)
 
 
-@click.command(epilog=examples("dualbend scene fig8 --out fig8.xml"))
-@click.argument("scenario", shell_complete=complete_scenarios)
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="MJCF file to write.")
+@command("dualbend scene fig8 --out fig8.xml")
+@SCENARIO
+@click.option("--out", type=PATH, required=True, help="MJCF file to write.")
 @SETTINGS
 def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
     """Write the composed MJCF of a scenario.
@@ -281,15 +272,14 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
     The key frame "start" is the state at the start of the run.
     """
     from dualbend.run.make import make_run
-    from dualbend.scenario.load import load_scenario
 
-    xml = make_run(load_scenario(scenario, settings)).scene_xml()
+    xml = make_run(load(scenario, settings)).scene_xml()
     with writing(out, "--out"):
         out.write_text(xml, encoding="utf-8")
     click.echo(f"{out}: open it with python -m mujoco.viewer --mjcf={out}")
 
 
-@click.command(epilog=examples("dualbend benchmark fig8 --repeat 3"))
+@command("dualbend benchmark fig8 --repeat 3")
 @click.argument("scenario", default="fig8", shell_complete=complete_scenarios)
 @SETTINGS
 @click.option("--repeat", type=click.IntRange(min=1), default=5, help="Number of repetitions.")
@@ -298,14 +288,10 @@ def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
 
     Both use the same model and run alternately in one process.
     """
-    import msgspec
+    from msgspec.structs import asdict
 
-    from dualbend.scenario.load import load_scenario
     from dualbend.study.benchmark import benchmark as measure
 
-    for name, value in msgspec.to_builtins(
-        measure(load_scenario(scenario, settings), repeat)
-    ).items():
-        click.echo(
-            f"{name:<24}{value:>10.4g}" if isinstance(value, float) else f"{name:<24}{value:>10}"
-        )
+    for name, value in asdict(measure(load(scenario, settings), repeat)).items():
+        spec = ">10.4g" if isinstance(value, float) else ">10"
+        click.echo(f"{name:<24}{value:{spec}}")

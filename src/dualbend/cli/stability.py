@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from dualbend.cli.common import EXIT_FAILED_CHECK, SETTINGS, complete_scenarios, examples
+from dualbend.cli.common import (
+    EXIT_FAILED_CHECK,
+    JSON,
+    PATH,
+    SCENARIO,
+    SETTINGS,
+    command,
+    load,
+    print_json,
+)
+from dualbend.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,17 +27,15 @@ if TYPE_CHECKING:
     from dualbend.stability.prediction import Prediction, Row
 
 
-@click.command(epilog=examples("dualbend stability fig9 --map fig9.png"))
-@click.argument("scenario", shell_complete=complete_scenarios)
+@command("dualbend stability fig9 --map fig9.png")
+@SCENARIO
 @click.option(
     "--axis",
     type=click.Choice(["x", "rotation", "coupled"]),
     default="coupled",
     help="Axes that are included.",
 )
-@click.option(
-    "--map", "map_file", type=click.Path(path_type=Path), help="PNG of the stable region in (b, k)."
-)
+@click.option("--map", "map_file", type=PATH, help="PNG of the stable region in (b, k).")
 @click.option(
     "--map-b",
     type=(float, float),
@@ -42,7 +50,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Range of k in the map, times the scenario's.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@JSON
 @click.option(
     "--validate",
     "validated",
@@ -52,7 +60,7 @@ if TYPE_CHECKING:
 @click.option("--confront", "renamed", is_flag=True, hidden=True, help="Now --validate.")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Folder of the onset study; cases that are in it are not run again.  "
     "[default: runs/NAME-onset]",
 )
@@ -76,13 +84,11 @@ def stability(
     Prints the margins along the path, without a run. With --validate, compares the prediction with
     simulations.
     """
-    from dualbend.errors import InputError
-    from dualbend.scenario.load import load_scenario
     from dualbend.stability.prediction import predict
 
     if renamed:
         raise InputError("--confront is --validate now")
-    loaded = load_scenario(scenario, settings)
+    loaded = load(scenario, settings)
     if validated:
         _validate(loaded, axis, out or Path("runs") / f"{loaded.name}-onset", workers, as_json)
         return
@@ -96,9 +102,7 @@ def stability(
         panels = stability_map(loaded, prediction, map_b, map_k)
         plot_stability_map(panels, loaded.name, map_file)
     if as_json:
-        import msgspec
-
-        click.echo(msgspec.json.format(msgspec.json.encode(prediction), indent=2).decode())
+        print_json(prediction)
         return
     _show_prediction(prediction)
 
@@ -125,9 +129,7 @@ def _validate(
     write_report(found, folder)
     plot_onsets(loaded, found, folder / "onset.png")
     if as_json:
-        import msgspec
-
-        click.echo(msgspec.json.format(msgspec.json.encode(found), indent=2).decode())
+        print_json(found)
         return
     click.echo(summary(found))
     click.echo(f"results in {folder}")
@@ -177,9 +179,9 @@ def _word(stable: bool) -> str:
     return "stable" if stable else "UNSTABLE"
 
 
-@click.command(epilog=examples("dualbend tune fig6 --out tuned.toml"))
-@click.argument("scenario", shell_complete=complete_scenarios)
-@click.option("--out", type=click.Path(path_type=Path), help="Scenario file to write.")
+@command("dualbend tune fig6 --out tuned.toml")
+@SCENARIO
+@click.option("--out", type=PATH, help="Scenario file to write.")
 @click.option("--gain-margin", type=float, default=6.0, help="Minimum gain margin [dB].")
 @click.option("--phase-margin", type=float, default=30.0, help="Minimum phase margin [deg].")
 @click.option("--seeds", type=click.IntRange(1, 20), default=3, help="Noise seeds, 1 to n.")
@@ -196,15 +198,13 @@ def tune(
 
     The gains keep the required margins and are verified by simulation. Takes one or two minutes.
     """
-    from dualbend.errors import InputError
-    from dualbend.scenario.load import load_scenario
     from dualbend.stability.tuning import Margin, write_scenario
     from dualbend.stability.tuning import tune as search
 
     if settings and out is not None:
         raise InputError("--out writes the differences from SCENARIO: put --set into a file")
     required = Margin(gain_db=gain_margin, phase_deg=phase_margin)
-    found = search(load_scenario(scenario, settings), required=required, seeds=range(1, seeds + 1))
+    found = search(load(scenario, settings), required=required, seeds=range(1, seeds + 1))
     config = found.found.compliance
     for name, axis in (("x", config.x), ("rotation", config.rotation)):
         if axis is not None:

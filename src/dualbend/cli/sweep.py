@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import click
 
-from dualbend.cli.common import EXIT_BAD_INPUT, EXIT_INTERRUPTED, examples
+from dualbend.cli.common import PATH, WORKERS, command, exit_interrupted
+from dualbend.errors import InputError
 
 
-@click.command(
-    epilog=examples(
-        "dualbend sweep gains.toml --workers 2",
-        "dualbend sweep gains.toml --scheduler tcp://127.0.0.1:8786",
-    )
+@command(
+    "dualbend sweep gains.toml --workers 2",
+    "dualbend sweep gains.toml --scheduler tcp://127.0.0.1:8786",
 )
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="Folder of the sweep.  [default: runs/NAME]"
-)
-@click.option("--workers", type=click.IntRange(1, 256), help="Processes; default: one per core.")
+@click.argument("file", type=PATH)
+@click.option("--out", type=PATH, help="Folder of the sweep.  [default: runs/NAME]")
+@WORKERS
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler, e.g. tcp://HOST:PORT.")
 def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | None) -> None:
     """Run a scenario over many values of its keys.
@@ -36,11 +32,7 @@ def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | No
     from dualbend.study.sweep.run import run_sweep
 
     if workers is not None and scheduler is not None:
-        click.echo(
-            "dualbend: --workers is for local runs, --scheduler has its own: give one of them",
-            err=True,
-        )
-        sys.exit(EXIT_BAD_INPUT)
+        raise InputError("--workers is for local runs, --scheduler has its own: give one of them")
     loaded = load_sweep(file)
     design = make_design(loaded)
     folder = out or (file if file.is_dir() else Path("runs") / loaded.name)
@@ -54,12 +46,7 @@ def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | No
         rows = run_sweep(loaded, design, folder, place, on_run=progress)
     except KeyboardInterrupt:
         progress.end_line()
-        click.echo(
-            f"dualbend: interrupted after {progress.done} of {progress.total} runs, kept in "
-            f"{folder}; the same command continues",
-            err=True,
-        )
-        sys.exit(EXIT_INTERRUPTED)
+        exit_interrupted(progress.done, progress.total, folder)
     report = write_report(loaded, design, rows, folder)
     click.echo("\n".join(report_lines(loaded, design, rows, report)))
     click.echo(f"results in {folder}")

@@ -3,29 +3,30 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from dualbend.cli.common import EXIT_FAILED_CHECK, examples
+from dualbend.cli.common import EXIT_FAILED_CHECK, JSON, PATH, command, print_json
 from dualbend.errors import InputError, writing
 
 if TYPE_CHECKING:
-    from dualbend.beam.rigidity import Rigidity
     from dualbend.validation.table import Row
 
 
-@click.command(
-    epilog=examples(
-        "dualbend beam --length 0.6 --width 0.1 --thickness 0.001 --young 69e9 --alpha 0.2",
-        "dualbend beam --length 0.6 --width 0.1 --thickness 0.001 --material 6061-T6 --alpha 1",
-    )
+_number = partial(click.option, type=float)
+
+
+@command(
+    "dualbend beam --length 0.6 --width 0.1 --thickness 0.001 --young 69e9 --alpha 0.2",
+    "dualbend beam --length 0.6 --width 0.1 --thickness 0.001 --material 6061-T6 --alpha 1",
 )
-@click.option("--length", type=float, required=True, help="Free length L [m].")
-@click.option("--width", type=float, required=True, help="Width w [m].")
-@click.option("--thickness", type=float, required=True, help="Thickness t [m].")
-@click.option("--young", type=float, help="Young's modulus E [Pa]; default: the material's.")
+@_number("--length", "length_m", required=True, help="Free length L [m].")
+@_number("--width", "width_m", required=True, help="Width w [m].")
+@_number("--thickness", "thickness_m", required=True, help="Thickness t [m].")
+@_number("--young", "young_pa", help="Young's modulus E [Pa]; default: the material's.")
 @click.option("--material", help="From dualbend materials: E, ν, weight and strain limit.")
 @click.option(
     "--rigidity",
@@ -34,28 +35,16 @@ if TYPE_CHECKING:
     show_default=True,
     help="Bending stiffness: EI, EI / (1 - ν²), or between them for the width.",
 )
-@click.option("--poisson", type=float, help="Poisson's ratio ν; default: the material's, or 0.3.")
-@click.option("--alpha", type=float, required=True, help="End slope α [rad].")
-@click.option(
+@_number("--poisson", "poisson_ratio", help="Poisson's ratio ν; default: the material's, or 0.3.")
+@_number("--alpha", "alpha_rad", required=True, help="End slope α [rad].")
+@_number(
     "--half-distance",
-    type=float,
+    "half_distance_m",
     help="Half distance of the grips [m]; default: no end moment.",
 )
-@click.option("--weight", type=float, help="Weight q [N/m]; default: the material's, or 0.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def beam(
-    length: float,
-    width: float,
-    thickness: float,
-    young: float | None,
-    material: str | None,
-    rigidity: Rigidity,
-    poisson: float | None,
-    alpha: float,
-    half_distance: float | None,
-    weight: float | None,
-    as_json: bool,
-) -> None:
+@_number("--weight", "weight_n_per_m", help="Weight q [N/m]; default: the material's, or 0.")
+@JSON
+def beam(*, as_json: bool, **given: Any) -> None:  # noqa: ANN401 - as the options say
     """Compute force, moment and shape of a sheet between two grips.
 
     Also prints the force with the other kinds of bending stiffness and, with a material, the
@@ -63,18 +52,7 @@ def beam(
     """
     from dualbend.beam.calculator import bent_sheet
 
-    state = bent_sheet(
-        length,
-        width,
-        thickness,
-        young,
-        alpha,
-        half_distance,
-        weight,
-        material=material,
-        rigidity=rigidity,
-        poisson_ratio=poisson,
-    )
+    state = bent_sheet(**given)
     if as_json:
         import json
 
@@ -85,11 +63,9 @@ def beam(
         click.echo(f"{key:<30}{shown}")
 
 
-@click.command(
-    epilog=examples("dualbend validate --markdown validation.md", "dualbend validate --arm ur5")
-)
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option("--markdown", type=click.Path(path_type=Path), help="Markdown file to write.")
+@command("dualbend validate --markdown validation.md", "dualbend validate --arm ur5")
+@JSON
+@click.option("--markdown", type=PATH, help="Markdown file to write.")
 @click.option("--arm", metavar="NAME", help="Measure one arm from dualbend arms instead.")
 @click.option("--shell", is_flag=True, help="The shell against plate theory instead; a minute.")
 def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool) -> None:
@@ -109,10 +85,7 @@ def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool)
     else:
         rows = run_validation(on_row, shell=shell)
     if as_json:
-        import msgspec
-
-        # A number that could not be measured is null: NaN is no JSON.
-        click.echo(msgspec.json.format(msgspec.json.encode(rows), indent=2).decode())
+        print_json(rows)
     if markdown is not None:
         from dualbend.evaluation.metrics import versions
         from dualbend.validation.page import validation_page

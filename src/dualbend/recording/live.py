@@ -23,7 +23,7 @@ import numpy as np
 import rerun as rr
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.recording.log import FRAME_CYCLES, RecordingLog, row_times
 from dualbend.recording.notes import Notes
 from dualbend.recording.scales import Scales
@@ -90,10 +90,8 @@ def _spawn() -> str:
     """Start a viewer, or find the one that listens already."""
     scripts = Path(sysconfig.get_path("scripts"))
     found = shutil.which("rerun", path=os.pathsep.join((str(scripts), os.environ.get("PATH", ""))))
-    try:
+    with refusing("--view: rerun's viewer does not start", RuntimeError):
         rr.spawn(port=_DEFAULT_PORT, connect=False, executable_path=found)
-    except RuntimeError as error:
-        raise InputError(f"--view: rerun's viewer does not start: {error}") from error
     return f"rerun+http://127.0.0.1:{_DEFAULT_PORT}/proxy"
 
 

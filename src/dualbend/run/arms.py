@@ -11,7 +11,7 @@ import numpy as np
 from dualbend.arm.model import Placement, arm_model
 from dualbend.arm.pair import ArmPair, PlacedArm
 from dualbend.arm.placement import find_placement
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.cell import PlacementConfig
 from dualbend.types import SIDES, Side, Vector
@@ -41,14 +41,11 @@ def _placed(scenario: Scenario, side: Side, targets: Mapping[Side, Vector] | Non
     model, given = arm_model(scenario.robot.of(side)), _by_hand(scenario, side)
     if model.placement is not None:
         given = {**vars(model.placement), **given}
-    if len(given) == len(_KEYS):
-        return PlacedArm(model=model, placement=Placement(**given))
-    try:
-        wanted = path_targets(scenario) if targets is None else targets[side]
-        placement = find_placement(model.name, wanted, given)
-    except InputError as error:
-        raise InputError(f"scenario {scenario.name!r}, {side} arm: {error}") from error
-    return PlacedArm(model=model, placement=placement)
+    if len(given) < len(_KEYS):
+        with refusing(f"scenario {scenario.name!r}, {side} arm"):
+            wanted = path_targets(scenario) if targets is None else targets[side]
+            return PlacedArm(model=model, placement=find_placement(model.name, wanted, given))
+    return PlacedArm(model=model, placement=Placement(**given))
 
 
 def path_targets(scenario: Scenario) -> Vector:

@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 import pyarrow as pa
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.run.record import RunRecord, Summary
 from dualbend.run.trace import Trace, read_trace
 from dualbend.scenario.load import load_scenario, parse_scenario
@@ -61,10 +61,8 @@ def load_run(folder: Path | str, *, unfinished: bool = False) -> RunRecord:
 
 
 def _record(folder: Path, scenario: Scenario, summary: Summary, table: pa.Table) -> RunRecord:
-    try:
+    with refusing(f"{folder}: no trace of a run"):
         trace = Trace.of_table(table)
-    except InputError as error:
-        raise InputError(f"{folder}: no trace of a run: {error}") from error
     simulated_s, wall_time_s = (
         float(metric.value) if metric is not None and isinstance(metric.value, float) else math.nan
         for metric in (summary.metrics.get(name) for name in ("simulated_time", "wall_time"))
@@ -121,10 +119,10 @@ def _by_another_version(summary_file: Path) -> str:
 
 
 def _read_summary(path: Path) -> Summary:
-    try:
+    with refusing(
+        f"{path}: no summary of a run", OSError, msgspec.MsgspecError, UnicodeDecodeError
+    ):
         return Summary.of_json(path.read_bytes())
-    except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: no summary of a run: {error}") from error
 
 
 def _whole_trace(path: Path) -> pa.Table:

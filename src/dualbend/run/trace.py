@@ -16,7 +16,7 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.controller import Command
 from dualbend.control.controller import Observation as Observed
 from dualbend.control.force_torque import WrenchReading
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.scene.ik import IKSolution
 from dualbend.scene.simulation import Observation
 from dualbend.types import SIDES, Vector
@@ -299,13 +299,11 @@ def read_trace(path: Path) -> pa.Table:
     InputError
         The file is neither.
     """
-    try:
+    with refusing(f"{path}: no trace of a run", OSError, pa.ArrowInvalid):
         if path.suffix == ".parquet":
             return pq.read_table(path)
         with path.open("rb") as file, pa.ipc.open_stream(file) as stream:
             return pa.Table.from_batches(_whole(stream), stream.schema)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise InputError(f"{path}: no trace of a run: {error}") from error
 
 
 def _whole(stream: pa.ipc.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:

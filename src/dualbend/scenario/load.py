@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import msgspec
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.resources import scenarios_dir
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_absurd, refuse_unknown
 from dualbend.scenario.scenario import Scenario
@@ -75,29 +75,21 @@ def resolve_scenario(
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:
     """Return the tables of a TOML text; InputError with ``source`` where it is none."""
-    try:
+    # Thousands of digits or brackets are refused, too.
+    with refusing(f"{source}: no valid TOML", ValueError, RecursionError):
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also thousands of digits or brackets
-        raise InputError(f"{source}: no valid TOML: {error}") from error
 
 
 def parse_scenario(text: str, source: str) -> Scenario:
-    """Return the scenario that a resolved TOML text is; ``source`` is named in an error.
-
-    Raises
-    ------
-    InputError
-        It is no TOML, or no scenario.
-    """
+    """Return the scenario of a resolved TOML text; InputError with ``source`` where it is none."""
     return resolve_scenario(parse_toml(text, source), source)
 
 
 def _find(name_or_file: str) -> Path:
     path = Path(name_or_file)
-    try:
+    # A name may be too long, or have a NUL.
+    with refusing(f"{name_or_file!r}: no such file", OSError, ValueError):
         is_file = path.is_file()
-    except (OSError, ValueError) as error:  # too long, or with a NUL
-        raise InputError(f"{name_or_file!r}: no such file: {error}") from error
     if path.suffix == ".toml" or is_file:
         if not is_file:
             raise InputError(f"{name_or_file}: no such file")
@@ -113,10 +105,8 @@ def _find(name_or_file: str) -> Path:
 
 def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     """Return the file's table merged over the one it extends."""
-    try:
+    with refusing(f"{path}: cannot be read", OSError, UnicodeDecodeError):
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
     data = parse_toml(text, path.name)
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
@@ -128,10 +118,8 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
         raise InputError(f"{path.name}: extends = {base!r}: needs a scenario's name or file")
     if "\0" in base:
         raise InputError(f"{path.name}: extends = {base!r}: no file's name")
-    try:
+    with refusing(f"{path.name}: extends = {base!r}"):
         base_path = path.parent / base if base.endswith(".toml") else _find(base)
-    except InputError as error:
-        raise InputError(f"{path.name}: extends = {base!r}: {error}") from error
     if base_path.resolve() in seen or base_path.resolve() == path.resolve():
         raise InputError(
             f"{path.name}: extends = {base!r}: the files extend each other in a circle"
@@ -195,12 +183,10 @@ def _split(table: Mapping[str, Any], kinds: Kinds) -> tuple[dict[str, Any], dict
 
 def _tables_of(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return tables with plain numbers and lists, also of NumPy's and of sections' structs."""
-    try:
+    with refusing("settings: need numbers, texts, lists and tables", TypeError, AttributeError):
         tables: dict[str, Any] = msgspec.to_builtins(
             settings, str_keys=True, enc_hook=lambda value: value.tolist()
         )
-    except (TypeError, AttributeError) as error:
-        raise InputError(f"settings: need numbers, texts, lists and tables: {error}") from error
     return tables
 
 

@@ -10,7 +10,7 @@ from dualbend.beam.laminate import Laminate, Layer
 from dualbend.beam.material import Material, find_material
 from dualbend.beam.rigidity import Rigidity
 from dualbend.beam.sheet import Anisotropy, Sheet
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.scene.sheet.shell import ShellConfig
 from dualbend.scene.sheet.strips import StripConfig
 from dualbend.types import Config, said
@@ -97,10 +97,7 @@ def make_sheet(config: SheetConfig) -> Sheet:
 def substance(config: SheetConfig) -> Laminate:
     """Return the sheet as a laminate, of one layer where it is of one material.
 
-    Raises
-    ------
-    InputError
-        A material is not in the library, or the laminate would curl.
+    Raises InputError where a material is not in the library, or the laminate would curl.
     """
     if config.layers is None:
         assert config.thickness_m is not None
@@ -114,10 +111,8 @@ def substance(config: SheetConfig) -> Laminate:
             for i, layer in enumerate(config.layers)
         )
     )
-    try:
+    with refusing("layers"):
         laminate.refuse_curl()
-    except InputError as error:
-        raise InputError(f"layers: {error}") from error
     return laminate
 
 
@@ -148,10 +143,8 @@ def _plasticity(whole: Laminate) -> plastic.Plasticity:
 
 
 def _named(name: str, key: str) -> Material:
-    try:
+    with refusing(f"{key} = {name!r}"):
         return find_material(name)
-    except InputError as error:
-        raise InputError(f"{key} = {name!r}: {error}") from error
 
 
 class LayerConfig(Config):

@@ -37,11 +37,8 @@ have one header, a file has one."""
 def write_scenario(name: str, base: str = DEFAULT_BASE, folder: Path | None = None) -> Path:
     """Write ``name``.toml into a folder (none: the present one) and return its path.
 
-    Raises
-    ------
-    InputError
-        The name is none, or a shipped scenario has it; the base cannot be loaded; the file exists
-        or cannot be written.
+    Raises InputError where the name is none, or a shipped scenario has it, where the base cannot be
+    loaded, and where the file exists or cannot be written.
     """
     name = name.removesuffix(".toml")
     if not _NAME.fullmatch(name):

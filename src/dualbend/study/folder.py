@@ -17,7 +17,7 @@ from typing import IO, Any, Generic, TypeVar
 
 import msgspec
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.run.output import prepare_folder, uninterrupted
 
 STUDY, RUNS, LOCK = "study.json", "runs.jsonl", ".lock"
@@ -63,10 +63,8 @@ class StudyFolder(Generic[Row]):
     def _make(self) -> None:
         path = self.folder / STUDY
         if path.exists():
-            try:
+            with refusing(f"{path}: no valid JSON", ValueError):
                 found = json.loads(path.read_text(encoding="utf-8"))
-            except ValueError as error:
-                raise InputError(f"{path}: no valid JSON: {error}") from error
             self._refuse_other(found)
             return
         if (self.folder / RUNS).exists():
@@ -101,10 +99,8 @@ class StudyFolder(Generic[Row]):
             os.truncate(path, whole)
         rows = []
         for number, text in enumerate(data[:whole].splitlines(), start=1):
-            try:
+            with refusing(f"{path}: line {number} is no {self.row_name}", msgspec.DecodeError):
                 rows.append(msgspec.json.decode(text, type=self.row))
-            except msgspec.DecodeError as error:
-                raise InputError(f"{path}: line {number} is no {self.row_name}: {error}") from error
         return rows
 
     @contextmanager

@@ -5,8 +5,7 @@ Coordinates of both grips are those of `dualbend.mechanics.coupling`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +14,7 @@ from scipy.linalg import block_diag
 from dualbend.beam import elastica
 from dualbend.beam.rod.tangent import sheet_tangent
 from dualbend.control.compliance.model import ModelAdmittance
-from dualbend.errors import InputError
+from dualbend.errors import refusing
 from dualbend.mechanics.compliance import series_stiffness
 from dualbend.mechanics.coupling import Coupling, ModeName
 from dualbend.run.known_sheet import make_admittance, zero_moment
@@ -68,24 +67,16 @@ def environments(
         half_distance, rise = path.at(alpha)
         return np.array([-half_distance, scenario.cell.sheet_height_m + rise, alpha])
 
-    with _named(scenario.path.start_rad):
-        arm = PosedArm(scenario, nominal(scenario.path.start_rad))
+    start = scenario.path.start_rad
+    with refusing(f"path at {start:.3f} rad"):
+        arm = PosedArm(scenario, nominal(start))
     found: list[Environment] = []
     for alpha in alphas_rad:
-        with _named(alpha):
+        with refusing(f"path at {alpha:.3f} rad"):
             pose = nominal(float(alpha))
             arm.move(pose)
             found.append(_environment(scenario, arm, pose, at_rest=at_rest))
     return found
-
-
-@contextmanager
-def _named(alpha_rad: float) -> Iterator[None]:
-    """Name the bending angle in an error."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"path at {alpha_rad:.3f} rad: {error}") from error
 
 
 def _environment(scenario: Scenario, arm: PosedArm, pose: Vector, *, at_rest: bool) -> Environment:

@@ -18,7 +18,7 @@ import numpy as np
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import AxisConfig
 from dualbend.control.servo import JointServo
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.scenario.motion import MotionConfig
 from dualbend.scenario.path import ExactPathConfig
 from dualbend.scenario.scenario import Scenario
@@ -89,10 +89,8 @@ def held(
         rotation=moved if axis == "rotation" else None,
         tare=True,
     )
-    try:
+    with refusing(f"angle {alpha_rad!r}"):
         path = ExactPathConfig(start_rad=alpha_rad - step, end_rad=alpha_rad)
-    except InputError as error:
-        raise InputError(f"angle {alpha_rad!r}: {error}") from error
     return msgspec.structs.replace(
         scenario,
         path=path,

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 import tomli_w
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_renamed
 from dualbend.scenario.keys import Key
 from dualbend.scenario.load import parse_toml, read_scenario, resolve_scenario
@@ -143,29 +143,23 @@ def load_sweep(path: Path) -> Sweep:
         settings=tuple(f"{key}={toml(value)}" for key, value in config.settings.items()),
         keys=keys,
     )
-    try:
+    with refusing(f"{source}: [set]"):
         sweep.resolve()
-    except InputError as error:
-        raise InputError(f"{source}: [set]: {error}") from error
     _check_keys(sweep)
     return sweep
 
 
 def _read(file: Path) -> dict[str, Any]:
-    try:
+    with refusing(f"{file}: no sweep's file", OSError, UnicodeDecodeError):
         text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{file}: no sweep's file: {error}") from error
     return parse_toml(text, file.name)
 
 
 def _scenario_tables(scenario: str, file: Path) -> dict[str, Any]:
     """Return the scenario's tables; a file is looked for beside the sweep's."""
-    try:
+    with refusing(f"{file.name}: scenario = {scenario!r}", ValueError):
         named = str(file.parent / scenario) if scenario.endswith(".toml") else scenario
         return read_scenario(named)
-    except ValueError as error:
-        raise InputError(f"{file.name}: scenario = {scenario!r}: {error}") from error
 
 
 def _leaves(
