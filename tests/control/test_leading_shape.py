@@ -261,9 +261,9 @@ def known_sheet(seed: int = 5) -> KnownSheet:
         force_x_n=-1.0 - rng.random(n),
         stiffness=100.0 + 50.0 * rng.random((n, 3, 2)),
         inertia=rng.random((n, 3, 3)),
-        sent=rng.standard_normal((n, 3, 2)),
-        pressed_m=-np.cumsum(rng.random((n, 5)), axis=1) * 1e-2,
-        pressed_n=np.cumsum(rng.random((n, 5)), axis=1) - 3.0,
+        deviation_jacobian=rng.standard_normal((n, 3, 2)),
+        compression_m=-np.cumsum(rng.random((n, 5)), axis=1) * 1e-2,
+        compression_n=np.cumsum(rng.random((n, 5)), axis=1) - 3.0,
         force_z_n=-0.15,
         lever_arm_m=0.12,
     )
@@ -283,7 +283,7 @@ def test_look_ups_of_the_known_sheet_inside_and_outside_its_tables(
                 known.tangent(a),
                 *known.tool(a),
                 known.displacement(f, a),
-                known.pressed_force(0.02 * f, a),
+                known.compression_force(0.02 * f, a),
             )
             for a, f in zip(alpha, load, strict=True)
         ]

@@ -63,7 +63,7 @@ def test_the_papers_compliance_brought_along_is_the_scenarios() -> None:
     assert np.abs(own[:, 1]).max() > 1e-5
 
 
-class Witness(Still):
+class Listener(Still):
     """Remembers what it was told."""
 
     def __init__(self, scenario: Scenario) -> None:
@@ -76,10 +76,10 @@ class Witness(Still):
 
 
 def test_a_controller_is_told_what_the_trace_records() -> None:
-    made = list[Witness]()
+    made = list[Listener]()
 
-    def make(scenario: Scenario) -> Witness:
-        made.append(Witness(scenario))
+    def make(scenario: Scenario) -> Listener:
+        made.append(Listener(scenario))
         return made[-1]
 
     run = BendingRun(short("fig8", 'compliance.sensing=["left","right"]'), compliance=make)

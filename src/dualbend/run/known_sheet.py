@@ -182,9 +182,9 @@ def _known_sheet(
         force_x_n=columns[1],
         stiffness=columns[2],
         inertia=columns[3],
-        sent=columns[4],
-        pressed_m=columns[5],
-        pressed_n=columns[6],
+        deviation_jacobian=columns[4],
+        compression_m=columns[5],
+        compression_n=columns[6],
         force_z_n=-sheet.weight_per_length_n_per_m * sheet.length_m / 2.0,
         lever_arm_m=lever_arm_m,
     )

@@ -179,7 +179,7 @@ class Run:
             time_s=(self.trace.rows - 1) * COMMAND_PERIOD_S,
             phase=phase,
             joints_rad=seen.q,
-            measured=PlanarPose(seen.grip[:, PLANAR]),
+            measured=PlanarPose(seen.grip.take(PLANAR, axis=1)),
             nominal=nominal,
         )
         return observed, self.path.command(observed)

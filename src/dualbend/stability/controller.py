@@ -71,7 +71,7 @@ def controller_system(
         read = parallel([actuator] * 2).series(
             parallel([from_transfer_function(low_pass.transfer_function())] * 4)
         )
-        inertia = slope @ point.inertia @ point.sent
+        inertia = slope @ point.inertia @ point.deviation_jacobian
         own = read.scaled(np.stack([point.stiffness, inertia], axis=-1).reshape(2, 4))
         held = from_transfer_function((np.array([0.0, 1.0]), np.ones(1)))
         last = parallel([held] * 2).scaled(-point.estimate @ point.stiffness)

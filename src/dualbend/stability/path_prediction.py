@@ -124,7 +124,7 @@ class PathPrediction:
             sheet = nominal - stiffness @ q
             inward = self._known.displacement(float(nominal[0]), alpha)
             inward += float(stiffness[0] @ q) / float(stiffness[0, 0])
-            sheet[0] = self._known.pressed_force(inward, alpha)
+            sheet[0] = self._known.compression_force(inward, alpha)
             along, across, torque = noise[n].tolist()
             c, s = math.cos(alpha), math.sin(alpha)
             error = [along * c + across * s, across * c - along * s, torque + lever * across]

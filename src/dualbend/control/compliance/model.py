@@ -30,8 +30,8 @@ class ModelPoint(msgspec.Struct, frozen=True, kw_only=True):
 
     ``rows`` (..., 2, 3): what is taken of force x, z and moment; ``reference`` (..., 2);
     ``estimate`` E (..., 2, 2): errors to deviations; ``stiffness`` K (..., 2, 2) and ``inertia`` M
-    (..., 2, 3) of the prediction, ``sent`` (..., 3, 2); ``gain`` (..., 2): what the filters' input
-    is multiplied with; ``lead_share`` (...): of the error.
+    (..., 2, 3) of the prediction, ``deviation_jacobian`` (..., 3, 2); ``gain`` (..., 2): what the
+    filters' input is multiplied with; ``lead_share`` (...): of the error.
     """
 
     alpha_rad: Vector
@@ -40,7 +40,7 @@ class ModelPoint(msgspec.Struct, frozen=True, kw_only=True):
     estimate: Vector
     stiffness: Vector
     inertia: Vector
-    sent: Vector
+    deviation_jacobian: Vector
     gain: Vector
     lead_share: Vector
 
@@ -92,8 +92,8 @@ class ModelAdmittance(Admittance):
         for lead in self.leads:
             if lead is not None:
                 lead.reset()
-        self._sent = np.zeros_like(self._pole)
-        self._own.reset(self._sent)
+        self._last = np.zeros_like(self._pole)
+        self._own.reset(self._last)
         self._placed = False
 
     def point(self, alpha_rad: Reals) -> ModelPoint:
@@ -102,7 +102,7 @@ class ModelAdmittance(Admittance):
         rows = moment_rows(config.reference, known, alpha)
         first = config.schedule.from_rad if config.schedule else 0.0
         stiffness = rows @ known.tangent(np.maximum(alpha, first))
-        inertia, sent = known.tool(alpha)
+        inertia, jacobian = known.tool(alpha)
         predictor = config.predictor
         own = np.diagonal(stiffness, axis1=-2, axis2=-1)
         return ModelPoint(
@@ -112,7 +112,7 @@ class ModelAdmittance(Admittance):
             estimate=_estimate(config.fusion, stiffness),
             stiffness=stiffness,
             inertia=rows @ inertia * (predictor is not None and predictor.inertia),
-            sent=sent,
+            deviation_jacobian=jacobian,
             gain=np.ones_like(own) if config.schedule else own,
             lead_share=lead_share(predictor, alpha) if predictor else np.zeros(alpha.shape),
         )
@@ -158,7 +158,7 @@ class ModelAdmittance(Admittance):
         taken = matvec(point.rows, wrench)
         predicts = self.config.predictor is not None
         if predicts:
-            moved = nominal_acceleration + matvec(point.sent, acceleration)
+            moved = nominal_acceleration + matvec(point.deviation_jacobian, acceleration)
             taken = taken + matvec(point.inertia, moved)
         error = self._error(taken, point)
         if predicts:
@@ -168,11 +168,11 @@ class ModelAdmittance(Admittance):
             if lead is not None:
                 e[..., i] += point.lead_share * (lead.update(e[..., i]) - e[..., i])
         if predicts:
-            e -= matvec(point.estimate @ point.stiffness, self._sent)
-        self._sent = self.update(e * point.gain, pose.alpha_rad)
-        self._own.send(self._sent)
+            e -= matvec(point.estimate @ point.stiffness, self._last)
+        self._last = self.update(e * point.gain, pose.alpha_rad)
+        self._own.send(self._last)
         self._nominal.send(pose.coordinates)
-        return self._sent
+        return self._last
 
 
 def _estimate(config: FusionConfig | None, stiffness: Vector) -> Vector:

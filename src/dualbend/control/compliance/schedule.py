@@ -64,9 +64,9 @@ class KnownSheet:
     stiffness : (n, 3, 2) force x, z and moment that the sensing arm loses per δx and δα of the
         complying arms, with arms and grasps in series
     inertia : (n, 3, 3) of the tool beyond the sensor, at the grip, in x, z, α
-    sent : (n, 3, 2) change of a grip's x, z, α per δx and δα
-    pressed_m, pressed_n : (n, m) displacements of the complying arms, inward and falling, and the
-        force x on the arm there, growing
+    deviation_jacobian : (n, 3, 2) change of a grip's x, z, α per δx and δα
+    compression_m, compression_n : (n, m) displacements of the complying arms, inward and falling,
+        and the force x on the arm there, growing
     force_z_n : vertical force on the arm: half the sheet's weight, negative
     lever_arm_m : from the sensor to the grip, as the controller believes it
 
@@ -80,9 +80,9 @@ class KnownSheet:
     force_x_n: Vector
     stiffness: Vector
     inertia: Vector
-    sent: Vector
-    pressed_m: Vector
-    pressed_n: Vector
+    deviation_jacobian: Vector
+    compression_m: Vector
+    compression_n: Vector
     force_z_n: float
     lever_arm_m: float
 
@@ -91,20 +91,25 @@ class KnownSheet:
         n = len(self.alpha_rad)
         if n < 2 or not np.all(np.diff(self.alpha_rad) > 0.0):
             raise InputError(f"alpha_rad must be two or more growing angles, got {self.alpha_rad}")
-        shapes = (self.force_x_n.shape, self.stiffness.shape, self.inertia.shape, self.sent.shape)
+        shapes = tuple(part.shape for part in self._parts)
         if shapes != ((n,), (n, 3, 2), (n, 3, 3), (n, 3, 2)):
             raise InputError(f"tables of {n} angles have the shapes {shapes}")
-        if self.pressed_m.shape != self.pressed_n.shape or not np.all(
-            np.diff(self.pressed_n, axis=1) > 0.0
+        if self.compression_m.shape != self.compression_n.shape or not np.all(
+            np.diff(self.compression_n, axis=1) > 0.0
         ):
-            raise InputError("pressed_n must grow along its rows, one number for each of pressed_m")
+            raise InputError(
+                "compression_n must grow along its rows, one number for each of compression_m"
+            )
+
+    @property
+    def _parts(self) -> tuple[Vector, ...]:
+        return self.force_x_n, self.stiffness, self.inertia, self.deviation_jacobian
 
     @cached_property
     def _table(self) -> tuple[Vector, Vector]:
         """All that is interpolated over the angle (n, 22), and its differences."""
         n = len(self.alpha_rad)
-        parts = (self.force_x_n, self.stiffness, self.inertia, self.sent)
-        table = np.hstack([part.reshape(n, -1) for part in parts])
+        table = np.hstack([part.reshape(n, -1) for part in self._parts])
         return table, np.diff(table, axis=0)
 
     @cached_property
@@ -150,17 +155,17 @@ class KnownSheet:
         row, part = self._place(alpha_rad)
         both = row[..., np.newaxis] + _NEIGHBOURS
         force = np.asarray(force_x_n)[..., np.newaxis]
-        on_it, beyond = _interpolate(self.pressed_n, self.pressed_m, both, force)
+        on_it, beyond = _interpolate(self.compression_n, self.compression_m, both, force)
         found = on_it - beyond / self.stiffness[:, 0, 0].take(both)
         first, last = found[..., 0], found[..., 1]
         return np.asarray(first + part * (last - first))
 
-    def pressed_force(self, inward_m: Reals, alpha_rad: Reals) -> Vector:
+    def compression_force(self, inward_m: Reals, alpha_rad: Reals) -> Vector:
         """Return the force x on the arm (...) [N] at displacements, on the nearest curve."""
         away = np.abs(np.asarray(alpha_rad)[..., np.newaxis] - self.alpha_rad)
         row = np.argmin(away, axis=-1)
         outward = -np.asarray(inward_m)
-        on_it, beyond = _interpolate(-self.pressed_m, self.pressed_n, row, outward)
+        on_it, beyond = _interpolate(-self.compression_m, self.compression_n, row, outward)
         return np.asarray(on_it + beyond * self.stiffness[:, 0, 0].take(row))
 
 
