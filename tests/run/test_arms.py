@@ -5,7 +5,7 @@ import pytest
 
 from dualbend.arm.catalog import JOINT_COUNT
 from dualbend.errors import InputError
-from dualbend.run.arm_list import arm_table, judge_arms, table_markdown, table_text, verdict_text
+from dualbend.run.arm_list import arm_table, evaluate_arms, table_markdown, table_text, verdict_text
 from dualbend.run.arm_load import sheet_load
 from dualbend.run.known_sheet import known_sheet
 from dualbend.scenario.load import load_scenario, parse_scenario
@@ -147,7 +147,7 @@ def test_each_arm_is_judged_in_a_scenario(monkeypatch: pytest.MonkeyPatch) -> No
     from dualbend.run import arm_list
 
     monkeypatch.setattr(arm_list, "JOINT_COUNT", {"puma560": 6, "z1": 6})
-    puma, z1 = judge_arms("fig6")
+    puma, z1 = evaluate_arms("fig6")
     assert puma["room"]["left"]["room_deg"] > 5.0
     assert "base 1.050 m behind" in verdict_text(puma)
     assert "misses one by" in verdict_text(z1)
@@ -160,7 +160,7 @@ def test_arms_that_stand_differently_are_judged_as_a_pair_of_one_kind(
     from dualbend.run import arm_list
 
     monkeypatch.setattr(arm_list, "JOINT_COUNT", {"ur5": 6})
-    (row,) = judge_arms("fig6", ["robot.right.model=panda", "cell.left.base_height_m=0.6"])
+    (row,) = evaluate_arms("fig6", ["robot.right.model=panda", "cell.left.base_height_m=0.6"])
     rooms = row["room"]
     assert [rooms[side]["arm"] for side in ("left", "right")] == ["ur5", "ur5"]
     assert row["cell"]["base_distance_m"] is None

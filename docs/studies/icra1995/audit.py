@@ -135,8 +135,8 @@ def _scan_text(table: Table) -> str:
 Table `docs/studies/icra1995/scan.csv`, made {table.made}
 (`python docs/studies/icra1995 --scan` makes it again). The paper leaves open the sheet, the form
 and units of the filter, from where the compliance acts, the robot, the delay and the low-pass
-filter. Each of {len(table.rows)} combinations was judged by the state of rest of sheet, arms and
-filter (rod oracle with weight) at three angles in each piece, and by the eigenvalues of the sampled
+filter. Each of {len(table.rows)} combinations was evaluated by the state of rest of sheet, arms and
+filter (rod with weight) at three angles in each piece, and by the eigenvalues of the sampled
 28 ms loop at seven or eight angles.
 One arm senses and complies.
 

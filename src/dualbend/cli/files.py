@@ -88,11 +88,11 @@ def arms(as_json: bool, markdown: bool, scenario: str | None, settings: tuple[st
     if scenario is None and settings:
         raise InputError("--set changes a scenario: give one with --for")
     if scenario is not None and not as_json:
-        for row in arm_list.judge_arms(scenario, settings):
+        for row in arm_list.evaluate_arms(scenario, settings):
             click.echo(arm_list.verdict_text(row))
         return
     if scenario is not None:
-        rows = list(arm_list.judge_arms(scenario, settings))
+        rows = list(arm_list.evaluate_arms(scenario, settings))
     else:
         rows = arm_list.arm_table()
     if as_json:

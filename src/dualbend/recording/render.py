@@ -84,7 +84,7 @@ def check_look(look: Look, run: Run, path: Path) -> None:
     cameras = [run.cell.model.camera(i).name for i in range(run.cell.model.ncam)]
     if look.camera is not None and look.camera not in cameras:
         raise InputError(f"--camera {look.camera}: the cameras are {', '.join(cameras)}")
-    # A run is long; what cannot be drawn after it is told before.
+    # A run is long; what cannot be drawn after it is refused before.
     _open_renderer(run.cell.model, _SMALLEST_PX, _SMALLEST_PX).close()
 
 

@@ -36,10 +36,10 @@ def arm_table() -> list[dict[str, Any]]:
     return rows
 
 
-def judge_arms(scenario: str, settings: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
+def evaluate_arms(scenario: str, settings: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
     """Yield for each arm, on both sides, what becomes of a scenario: its place, or why not.
 
-    An arm of its own that the scenario has on one side gives way.
+    An arm that the scenario names for one side alone is replaced, too.
 
     ``room`` has manipulability and room to the limits by side, ``cell`` where the bases stand,
     ``refused`` the reason of an arm that cannot do it.
@@ -96,7 +96,7 @@ def _grade(row: dict[str, Any]) -> list[str]:
 
 
 def verdict_text(row: dict[str, Any]) -> str:
-    """Return one line of :func:`judge_arms` for people: the base, and the worse of both rooms."""
+    """Return a row of :func:`evaluate_arms` for people: the base, and the worse of both rooms."""
     if "refused" in row:
         return f"{row['name']:<9}no: {row['refused']}"
     stand, base = row["cell"], "base"

@@ -21,7 +21,7 @@ from dualbend.types import SIDES, Config, Side, said
 PAD_SITE = "pad"
 _WELD_TIME_S, _WELD_TORQUE_SCALE_M = 5e-4, 10.0
 """Time constant and moment arm of the weld that holds the sheet's edge: MuJoCo caps a constraint's
-impedance, and with the defaults the weld gives way as much as the pads do. Tested: what the sheet
+impedance, and with the defaults the weld yields as much as the pads do. Tested: what the sheet
 feels is the configured stiffness within 10 % (translation) and 1 % (rotation)."""
 
 _PEDESTAL_FROM_M = 0.02

@@ -236,7 +236,7 @@ class Admittance:
     """Both axes of an arm's compliance, δ[n] = a δ[n−1] + g F[n]; an axis that is off stays at 0.
 
     The state itself is bounded, so it cannot wind up. Below its `from_alpha_rad` an axis sees no
-    load: δ is 0 before it first acts, and dies out with the pole when the sheet is unfolded again,
+    load: δ is 0 before it first acts, and decays with the pole when the sheet is unfolded again,
     instead of jumping.
 
     Parameters

@@ -1,7 +1,7 @@
 """Prediction against simulation: the onset of the oscillation, bisected in the full simulation.
 
 On rays in the (b, k) plane, at bending angles that are held, one axis at a time: the b at which a
-small disturbance neither grows nor dies out, beside what the three analyses say of it.
+small disturbance neither grows nor decays, beside what the three analyses say of it.
 """
 
 from __future__ import annotations

@@ -241,6 +241,6 @@ def middle_force(sheet: Sheet, path: BendingPath, height_m: float) -> float:
     if not state.converged:
         raise InputError(
             f"the force of the bent sheet held {1e3 * height_m:.2f} mm up was not found "
-            f"({state.reason}): what is felt could not be judged"
+            f"({state.reason}): the contact force could not be evaluated"
         )
     return -2.0 * state.right.force_z_n

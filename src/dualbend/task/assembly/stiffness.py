@@ -17,7 +17,7 @@ from dualbend.types import SIDES, Vector
 def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: float) -> Vector:
     """Return the stiffness (3, 3) that both grips moving together feel: x, y [N/m], yaw [N m/rad].
 
-    The sheet is pinned at ± ``pinned_m`` from its middle. Beyond that, each half gives way by its
+    The sheet is pinned at ± ``pinned_m`` from its middle. Beyond that, each half yields by its
     hinges, its grasp's rubber and its arm's joints, ``C = Σ J k⁻¹ Jᵀ``, at the joint angles ``q``
     (n,) and in the zero-moment shape; the end force's part in the sheet's stiffness is left out.
     With A_i the motion of grip i per motion of the middle, ``K = Σ A_iᵀ C_i⁻¹ A_i`` (6, 6). Pins
