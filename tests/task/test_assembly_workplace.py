@@ -64,7 +64,7 @@ def test_a_refusal_names_key_value_reason_and_limit(
     with pytest.raises(InputError) as error:
         check_workplace(changed(key, value), STRIP)
     message = str(error.value)
-    assert message.startswith(f"assembly.{key} = {value:g}: ")
+    assert message.startswith(f"task.{key} = {value:g}: ")
     assert why in message
     named = re.search(r"at (?:most|least) ([0-9.e-]+)", message)
     assert named is not None

@@ -19,7 +19,7 @@ LIFT_ROOM_M: Final = 5e-3
 def check_workplace(config: AssemblyConfig, sheet: Sheet) -> None:
     """Raise InputError with the key, its value and what would be right."""
     for problem in _problems(config, sheet):
-        raise InputError(f"assembly.{problem}")
+        raise InputError(f"task.{problem}")
 
 
 def _problems(config: AssemblyConfig, sheet: Sheet) -> Iterator[str]:
