@@ -8,7 +8,6 @@ No vertical force enters; the moment that the sheet's own weight makes does.
 import math
 from typing import Annotated, Literal, TypeAlias
 
-import msgspec
 import numpy as np
 
 from dualbend.control.clock import TransferFunction
@@ -16,7 +15,7 @@ from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
 from dualbend.errors import InputError
-from dualbend.types import Mask, PlanarPose, Reals, Side, Tagged, Vector
+from dualbend.types import Config, Mask, PlanarPose, Reals, Side, Tagged, Vector, said
 
 MM_PER_M = 1e3
 DEG_PER_RAD = 180.0 / math.pi
@@ -24,7 +23,7 @@ DEG_PER_RAD = 180.0 / math.pi
 AdmittanceForm = Literal["printed", "impulse-invariant", "static"]
 
 
-class AxisConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class AxisConfig(Config):
     """Damping, stiffness and discrete form of one axis.
 
     `form`: "printed" is (15) as published, δ[n] = a δ[n−1] + F/b, which lacks the factor T of
@@ -33,29 +32,26 @@ class AxisConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     says in which units b and k are.
     """
 
-    b: Annotated[float, msgspec.Meta(gt=0, description="damping [N s/mm, N m s/deg; or SI]")]
-    k: Annotated[float, msgspec.Meta(gt=0, description="stiffness [N/mm, N m/deg; or SI]")]
+    b: Annotated[float, said("damping [N s/mm, N m s/deg; or SI]", gt=0)]
+    k: Annotated[float, said("stiffness [N/mm, N m/deg; or SI]", gt=0)]
     form: Annotated[
         AdmittanceForm,
-        msgspec.Meta(
-            description="(15) as printed, with the missing T, or with the true static stiffness"
-        ),
+        said("(15) as printed, with the missing T, or with the true static stiffness"),
     ] = "printed"
-    from_alpha_rad: Annotated[
-        float, msgspec.Meta(ge=0, description="bending angle from which the axis acts [rad]")
-    ] = 0.0
+    from_alpha_rad: Annotated[float, said("bending angle from which the axis acts [rad]", ge=0)] = (
+        0.0
+    )
 
 
-class _Compliance(Tagged, frozen=True, kw_only=True):
+class _Compliance(Tagged):
     """Which arms sense and which comply; what only some kinds have is None in the others."""
 
     sensing: Annotated[
-        tuple[Side, ...],
-        msgspec.Meta(min_length=1, max_length=2, description="arms with a force/torque sensor"),
+        tuple[Side, ...], said("arms with a force/torque sensor", min_length=1, max_length=2)
     ] = ("left",)
-    complying: Annotated[
-        tuple[Side, ...], msgspec.Meta(max_length=2, description="arms that the compliance moves")
-    ] = ("left",)
+    complying: Annotated[tuple[Side, ...], said("arms that the compliance moves", max_length=2)] = (
+        "left",
+    )
 
     def __post_init__(self) -> None:
         """Refuse an arm that is named twice."""
@@ -120,23 +116,21 @@ class _Compliance(Tagged, frozen=True, kw_only=True):
         return any(part is not None for part in parts)
 
 
-class NoComplianceConfig(_Compliance, frozen=True, kw_only=True, tag="none"):
+class NoComplianceConfig(_Compliance, tag="none"):
     """The arms follow their path whatever the sensors read."""
 
 
-class _TwoAxes(_Compliance, frozen=True, kw_only=True):
+class _TwoAxes(_Compliance):
     """Which axes comply and how far; an axis that is None is off."""
 
     x: AxisConfig | None = None
     rotation: AxisConfig | None = None
-    limit_x_m: Annotated[float, msgspec.Meta(gt=0, description="largest |δx| [m]")] = 0.02
-    limit_rotation_rad: Annotated[float, msgspec.Meta(gt=0, description="largest |δα| [rad]")] = 0.1
-    tare: Annotated[
-        bool, msgspec.Meta(description="loads count from the first reading after switching on")
-    ] = False
+    limit_x_m: Annotated[float, said("largest |δx| [m]", gt=0)] = 0.02
+    limit_rotation_rad: Annotated[float, said("largest |δα| [rad]", gt=0)] = 0.1
+    tare: Annotated[bool, said("loads count from the first reading after switching on")] = False
 
 
-class AdmittanceConfig(_TwoAxes, frozen=True, kw_only=True, tag="admittance"):
+class AdmittanceConfig(_TwoAxes, tag="admittance"):
     """The paper's compliance: constant gains along x and about y, on the wrench alone.
 
     `units`: "paper" means N, mm, N m and degrees for b and k; "si" means N s/m, N/m, N m s/rad and
@@ -145,21 +139,17 @@ class AdmittanceConfig(_TwoAxes, frozen=True, kw_only=True, tag="admittance"):
     arm that has one.
     """
 
-    units: Annotated[
-        Literal["paper", "si"], msgspec.Meta(description="in which b and k are given")
-    ] = "paper"
+    units: Annotated[Literal["paper", "si"], said("in which b and k are given")] = "paper"
 
 
-class ModelAdmittanceConfig(_TwoAxes, frozen=True, kw_only=True, tag="model"):
+class ModelAdmittanceConfig(_TwoAxes, tag="model"):
     """Compliance that knows sheet, arms and tool: each part goes beyond the paper by itself.
 
     `units` as of kind = "admittance"; "sheet" means s and 1, multiples of the known stiffness, and
     belongs to `schedule`. See `dualbend.control.compliance.model`.
     """
 
-    units: Annotated[
-        Literal["paper", "si", "sheet"], msgspec.Meta(description="in which b and k are given")
-    ] = "paper"
+    units: Annotated[Literal["paper", "si", "sheet"], said("in which b and k are given")] = "paper"
     schedule: ScheduleConfig | None = None
     reference: ReferenceConfig | None = None
     fusion: FusionConfig | None = None

@@ -12,21 +12,18 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-import msgspec
 import numpy as np
 
 from dualbend.control.clock import TransferFunction
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.control.response import CommandResponse, CommandResponseConfig
-from dualbend.types import Reals, Vector
+from dualbend.types import Config, Reals, Vector, said
 
-_Lead = Annotated[
-    float, msgspec.Meta(ge=0, le=1, description="what is left of the response's lag [s]")
-]
+_Lead = Annotated[float, said("what is left of the response's lag [s]", ge=0, le=1)]
 
 
-class PredictorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PredictorConfig(Config):
     """What the prediction uses.
 
     ``lead_*_s``: where given, the error is also passed through the inverse of the response and two
@@ -39,11 +36,9 @@ class PredictorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     lead_x_s: _Lead | None = None
     lead_rotation_s: _Lead | None = None
     lead_until_rad: Annotated[
-        float, msgspec.Meta(gt=0, description="slope from which there is no lead any more [rad]")
+        float, said("slope from which there is no lead any more [rad]", gt=0)
     ] = 1e3
-    inertia: Annotated[
-        bool, msgspec.Meta(description="take off what the known tool's inertia makes")
-    ] = True
+    inertia: Annotated[bool, said("take off what the known tool's inertia makes")] = True
 
 
 class ResponseLead:
