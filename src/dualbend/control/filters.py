@@ -15,7 +15,7 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dualbend.control.clock import NYQUIST_HZ, TransferFunction
+from dualbend.control.clock import NYQUIST_HZ, TransferFunction, rational
 from dualbend.errors import InputError
 from dualbend.types import Tagged, Vector, said
 
@@ -102,16 +102,7 @@ class LowPass:
     The FIR is a windowed sinc (`scipy.signal.firwin`, linear phase), the IIR a Butterworth
     (`scipy.signal.butter`); in the loop both are one product with a small matrix.
 
-    Parameters
-    ----------
-    config
-        The design.
-    channels
-        Length of the vector that is filtered; 6 for a wrench.
-    period_s
-        Time between two samples [s].
-    shape
-        Leading shape: samples are (*shape, channels).
+    Samples are (*shape, channels), 6 channels for a wrench.
     """
 
     def __init__(
@@ -145,9 +136,8 @@ class LowPass:
 
     def gain(self, frequency_hz: float) -> float:
         """Return |H| at a frequency [Hz]."""
-        z = np.exp(-2j * math.pi * frequency_hz * self.period_s)
-        numerator, denominator = self._numerator, self._denominator
-        return float(abs(np.polyval(numerator[::-1], z) / np.polyval(denominator[::-1], z)))
+        z_inverse = np.exp(-2j * math.pi * frequency_hz * self.period_s)
+        return float(abs(rational((self._numerator, self._denominator), z_inverse)))
 
     def group_delay_s(self, frequency_hz: float) -> float:
         """Return the group delay −dφ/dω [s] at a frequency [Hz]."""

@@ -78,8 +78,6 @@ class Sensor:
     rng
         Source of the noise; with a leading shape one for each sensor, in C order: its noise does
         not depend on the others'. Not drawn from when both noises are 0.
-    shape
-        Leading shape.
 
     Raises
     ------

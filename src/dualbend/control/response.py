@@ -64,18 +64,7 @@ class CommandResponse:
     Over a cycle u(t) = u_prev + (u_next − u_prev) t/T; with Z = (y, y', u_prev, u_next) the whole
     cycle is one product, reference = M Z.
 
-    Parameters
-    ----------
-    config
-        ω_n and ξ; under-, over- and critically damped alike.
-    joints
-        Number n of joints.
-    steps
-        Number m of physics steps in a cycle, see `dualbend.control.clock.steps_per_cycle`.
-    period_s
-        Command period T [s].
-    shape
-        Leading shape: set-points are (*shape, joints).
+    Under-, over- and critically damped alike; set-points are (*shape, joints).
 
     Raises
     ------

@@ -90,18 +90,8 @@ class _Compliance(Tagged):
         return "paper"
 
     @property
-    def schedule(self) -> ScheduleConfig | None:
-        """Gains in proportion to the known stiffness; None: constant."""
-        return None
-
-    @property
     def reference(self) -> ReferenceConfig | None:
         """Loads that belong to the right path; None: none do."""
-        return None
-
-    @property
-    def fusion(self) -> FusionConfig | None:
-        """Force and moment read together; None: each axis by itself."""
         return None
 
     @property
@@ -112,8 +102,7 @@ class _Compliance(Tagged):
     @property
     def modelled(self) -> bool:
         """Something of it needs to know the sheet."""
-        parts = (self.schedule, self.reference, self.fusion, self.predictor)
-        return any(part is not None for part in parts)
+        return False
 
 
 class NoComplianceConfig(_Compliance, tag="none"):
@@ -164,37 +153,31 @@ class ModelAdmittanceConfig(_TwoAxes, tag="model"):
                 "k is a ratio to the sheet's stiffness"
             )
 
+    @property
+    def modelled(self) -> bool:
+        """Something of it needs to know the sheet."""
+        parts = (self.schedule, self.reference, self.fusion, self.predictor)
+        return any(part is not None for part in parts)
+
 
 ComplianceConfig: TypeAlias = AdmittanceConfig | ModelAdmittanceConfig | NoComplianceConfig
 """How an arm complies with the wrench that it reads."""
 
 
+def si_per_unit(units: str, name: Literal["x", "rotation"]) -> float:
+    """Return what takes a configured b or k to SI: 1000 for mm, 180/π for degrees, 1 for SI."""
+    if units != "paper":
+        return 1.0
+    return MM_PER_M if name == "x" else DEG_PER_RAD
+
+
 class AdmittanceAxis:
     """The first-order filter of one axis, H(z) = g / (1 − a z⁻¹), in SI.
 
-    Parameters
-    ----------
-    config
-        b, k and form.
-    period_s
-        Command period T [s].
-    to_si
-        Factor that takes b and k to SI: 1000 for mm, 180/π for degrees, 1 for SI.
-    paper_per_si
-        Factor that takes a deviation in SI to the paper's unit (mm or degrees).
-    limit
-        Largest |δ| [m or rad].
+    ``to_si`` takes b and k to SI; ``limit`` is the largest |δ| [m or rad].
     """
 
-    def __init__(
-        self,
-        config: AxisConfig,
-        *,
-        period_s: float,
-        to_si: float,
-        paper_per_si: float,
-        limit: float,
-    ) -> None:
+    def __init__(self, config: AxisConfig, *, period_s: float, to_si: float, limit: float) -> None:
         b, k = config.b * to_si, config.k * to_si
         self.pole = math.exp(-k * period_s / b)
         self._one_minus_pole = -math.expm1(-k * period_s / b)
@@ -205,7 +188,6 @@ class AdmittanceAxis:
         }[config.form]
         self.limit = limit
         self.from_alpha_rad = config.from_alpha_rad
-        self._paper_per_si = paper_per_si
 
     def transfer_function(self) -> TransferFunction:
         """Tell H(z), without the bound, in powers of z⁻¹ [m/N] or [rad/(N m)]."""
@@ -215,11 +197,6 @@ class AdmittanceAxis:
     def static_compliance(self) -> float:
         """Deviation per steady load g/(1 − a) [m/N] or [rad/(N m)]: 1/k in the static form."""
         return self.gain / self._one_minus_pole
-
-    @property
-    def static_compliance_paper(self) -> float:
-        """The same in the paper's units [mm/N] or [deg/(N m)]."""
-        return self.static_compliance * self._paper_per_si
 
 
 class Admittance:
@@ -231,15 +208,13 @@ class Admittance:
 
     Parameters
     ----------
-    config
-        Both axes. `x` and `rotation` of this object are the filters that run, or None.
-    period_s
-        Command period [s].
     shape
-        Leading shape of loads and deviations, an axis of arms among it where there is one.
+        With an axis of arms where there is one.
 
     Attributes
     ----------
+    x, rotation
+        The filters that run, or None.
     saturated
         (..., 2): the deviation is at its bound.
     """
@@ -248,23 +223,16 @@ class Admittance:
         self, config: ComplianceConfig, *, period_s: float, shape: tuple[int, ...] = ()
     ) -> None:
         self.config = config
-        paper = config.units == "paper"
 
-        def axis(
-            settings: AxisConfig | None, paper_per_si: float, limit: float
-        ) -> AdmittanceAxis | None:
+        def axis(name: Literal["x", "rotation"], limit: float) -> AdmittanceAxis | None:
+            settings: AxisConfig | None = getattr(config, name)
             if settings is None:
                 return None
-            return AdmittanceAxis(
-                settings,
-                period_s=period_s,
-                to_si=paper_per_si if paper else 1.0,
-                paper_per_si=paper_per_si,
-                limit=limit,
-            )
+            to_si = si_per_unit(config.units, name)
+            return AdmittanceAxis(settings, period_s=period_s, to_si=to_si, limit=limit)
 
-        self.x = axis(config.x, MM_PER_M, config.limit_x_m)
-        self.rotation = axis(config.rotation, DEG_PER_RAD, config.limit_rotation_rad)
+        self.x = axis("x", config.limit_x_m)
+        self.rotation = axis("rotation", config.limit_rotation_rad)
         # An axis that is off never acts.
         numbers = [
             (0.0, 0.0, math.inf, math.inf)

@@ -55,15 +55,9 @@ class ObjectAdmittance:
 
     Parameters
     ----------
-    config
-        Dead bands and bounds.
     bends, mobility
         1/B (n, 3) of x, y [m/(N s)] and yaw [rad/(N m s)] at n growing bending angles, (n,), each
         over that at which the sheet is laid.
-    period_s
-        Command period T [s].
-    shape
-        Leading shape.
 
     Attributes
     ----------

@@ -45,7 +45,7 @@ class ResponseLead:
     """The response's discrete poles as zeros, and twice the pole r = e^(−T/τ) instead.
 
     H(z) = (1 − p₁ z⁻¹)(1 − p₂ z⁻¹)(1 − r)² / ((1 − p₁)(1 − p₂)(1 − r z⁻¹)²), with p = e^(s T) of
-    the poles s of G(s): unit gain at rest. ``period_s``: command period T; ``shape`` of the errors.
+    the poles s of G(s): unit gain at rest. The errors are of ``shape``.
     """
 
     def __init__(
@@ -92,20 +92,9 @@ def lead_share(config: PredictorConfig, alpha_rad: Reals) -> Vector:
 class ResponseModel:
     """Set-points of n channels → positions and accelerations as old as a filtered reading.
 
-    Parameters
-    ----------
-    response, low_pass
-        The configurations of the elements that run.
-    delay_cycles
-        Transport delay of these set-points [command periods].
-    steps, age_steps
-        Physics steps of a cycle; sensor latency at the start of the cycle that uses it, >= 1.
-    channels
-        n.
-    period_s
-        Command period [s].
-    shape
-        Leading shape: set-points are (*shape, n).
+    Set-points are (*shape, n) and have a transport delay of ``delay_cycles`` command periods. A
+    cycle has ``steps`` physics steps; ``age_steps`` >= 1 is the sensor latency at the start of the
+    cycle that uses the reading.
     """
 
     def __init__(
