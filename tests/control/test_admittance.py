@@ -59,17 +59,15 @@ def test_static_compliance_of_the_published_x_axis(form: AdmittanceForm, times_k
     axis = make(form).x
     a = math.exp(-2.3)
     gain = {"printed": 1 / 7, "impulse-invariant": T / 7, "static": (1 - a) / 575}[form]
-    # Analytic, mm/N.
-    assert math.isclose(axis.static_compliance_paper, gain / (1 - a), rel_tol=1e-13)
-    # Golden: the quoted multiple of 1/k.
-    assert axis.static_compliance_paper * 575 == pytest.approx(times_k, rel=1e-3)
     # Analytic: 1 mm/N is 1e-3 m/N.
-    assert math.isclose(axis.static_compliance, 1e-3 * axis.static_compliance_paper, rel_tol=1e-13)
+    assert math.isclose(axis.static_compliance, 1e-3 * gain / (1 - a), rel_tol=1e-13)
+    # Golden: the quoted multiple of 1/k.
+    assert axis.static_compliance * 575e3 == pytest.approx(times_k, rel=1e-3)
 
 
 def test_printed_static_compliance_is_0_1588_mm_per_n() -> None:
     # Golden: four digits.
-    assert make().x.static_compliance_paper == pytest.approx(0.1588, abs=5e-5)
+    assert make().x.static_compliance == pytest.approx(0.1588e-3, abs=5e-8)
 
 
 def test_stiffness_of_the_published_rotation_has_no_effect() -> None:
@@ -77,7 +75,6 @@ def test_stiffness_of_the_published_rotation_has_no_effect() -> None:
     other = Admittance(AdmittanceConfig(rotation=AxisConfig(b=0.5, k=5e3)), period_s=T).rotation
     # Analytic: a = e^−560 is 0 beside 1, so the filter is the gain 1/b = 2 deg/(N m).
     assert axis.pole < 1e-243
-    assert axis.static_compliance_paper == pytest.approx(2.0, rel=1e-14)
     assert axis.static_compliance == pytest.approx(2.0 * math.pi / 180, rel=1e-14)
     assert other.static_compliance == axis.static_compliance
 

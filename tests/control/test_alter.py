@@ -17,13 +17,6 @@ from dualbend.types import PlanarPose
 T = clock.COMMAND_PERIOD_S
 
 
-def test_servo_ticks_fill_the_command_period() -> None:
-    # Exact by definition, up to one rounding.
-    assert math.isclose(
-        clock.SERVO_TICKS_PER_CYCLE * clock.SERVO_TICK_S, clock.COMMAND_PERIOD_S, rel_tol=1e-15
-    )
-
-
 @given(st.integers(1, 1000))
 def test_every_whole_fraction_of_the_period_is_accepted(count: int) -> None:
     # Exact: a count.

@@ -12,12 +12,13 @@ from cross_check_rows import Report
 from numpy.typing import NDArray
 
 from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ
+from dualbend.control.compliance.admittance import si_per_unit
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.margins import eigenloci, loop_margins
 from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.prediction import evaluate
-from dualbend.stability.sampled import LoopElements, SampledLoop, environment_loops, si_per_unit
+from dualbend.stability.sampled import LoopElements, SampledLoop, environment_loops
 
 Vector = NDArray[np.float64]
 ComplexVector = NDArray[np.complex128]

@@ -2,28 +2,23 @@
 
 from typing import Annotated, Literal
 
-import msgspec
 import numpy as np
 
 from dualbend.errors import InputError
 from dualbend.mechanics.coupling import deviation_angle
-from dualbend.types import PlanarPose, Vector
+from dualbend.types import Config, PlanarPose, Vector, said
 
 AlterMode = Literal["world", "tool", "tool-frozen"]
 
 
-class AlterConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class AlterConfig(Config):
     """How the path modification is executed and how long it takes to get to the servos."""
 
     mode: Annotated[
         AlterMode,
-        msgspec.Meta(
-            description="axes of the deviation: world, the tool's, or the tool's as they first were"
-        ),
+        said("axes of the deviation: world, the tool's, or the tool's as they first were"),
     ] = "world"
-    delay_cycles: Annotated[
-        int, msgspec.Meta(ge=0, le=100, description="transport delay [command periods]")
-    ] = 1
+    delay_cycles: Annotated[int, said("transport delay [command periods]", ge=0, le=100)] = 1
 
 
 class PlanarPathModification:

@@ -1,10 +1,9 @@
 """The command clock of the PUMA's ALTER, and how physics steps divide a command period.
 
-A command period is an argument of whatever needs it; `COMMAND_PERIOD_S` is what a scenario's run
-passes in.
-
-Every discrete element of this package runs once per command period and tells its own transfer
-function as ``(numerator, denominator)`` in rising powers of z⁻¹, monic denominator:
+Every discrete element of this package runs once per command period T, its argument ``period_s``
+[s]; a scenario's run passes in `COMMAND_PERIOD_S`. Its argument ``shape`` is the leading shape of
+what it takes, holds and returns: () for a single one. It tells its own transfer function as
+``(numerator, denominator)`` in rising powers of z⁻¹, monic denominator:
 H(z) = (n₀ + n₁ z⁻¹ + …) / (1 + d₁ z⁻¹ + …).
 """
 
@@ -12,36 +11,31 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dualbend.types import Vector
 
 COMMAND_PERIOD_S = 0.028
 """Period of the Cartesian set-points that the joint servos accept [s] (the paper, section V)."""
 
-
 NYQUIST_HZ = 0.5 / COMMAND_PERIOD_S
 """Half the command rate [Hz], 17.857."""
 
-
-SERVO_TICKS_PER_CYCLE = 32
-"""Interpolation steps of a joint servo in one command period."""
-
-
-SERVO_TICK_S = 0.875e-3
-"""Duration of one interpolation step [s]; 32 of them are the command period."""
-
-
+ComplexVector = NDArray[np.complex128]
 TransferFunction = tuple[Vector, Vector]
 
 
-def steps_per_cycle(step_s: float, period_s: float) -> int:
-    """Count the physics steps in one command period: n = T / h, a whole number.
+def rational(transfer: TransferFunction, z_inverse: complex | ComplexVector) -> ComplexVector:
+    """Return H where z⁻¹ is given."""
+    numerator, denominator = transfer
+    return np.asarray(
+        np.polyval(numerator[::-1], z_inverse) / np.polyval(denominator[::-1], z_inverse)
+    )
 
-    Parameters
-    ----------
-    step_s
-        Physics step h [s].
-    period_s
-        Command period T [s].
+
+def steps_per_cycle(step_s: float, period_s: float) -> int:
+    """Count the physics steps ``step_s`` [s] in one command period, a whole number.
 
     Raises
     ------

@@ -99,19 +99,7 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ControlledPath:
-    """Controller → transport delay → path modification, of both arms.
-
-    Parameters
-    ----------
-    controller
-        What decides on the deviations.
-    delay_cycles
-        Transport delay of the deviations [command periods].
-    mode
-        Frame in which they are executed.
-    shape
-        Leading shape.
-    """
+    """Controller → transport delay [command periods] → path modification, of both arms."""
 
     def __init__(
         self,

@@ -13,14 +13,7 @@ from dualbend.types import Vector
 class TransportDelay:
     """Hold a vector back by whole command periods: y[n] = u[n − d], H(z) = z⁻ᵈ.
 
-    Parameters
-    ----------
-    cycles
-        Delay d ≥ 0 [command periods].
-    size
-        Length of the vector.
-    shape
-        Leading shape: vectors are (*shape, size).
+    ``cycles``: d [command periods]; vectors are (*shape, size).
 
     Raises
     ------

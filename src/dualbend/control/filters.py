@@ -12,16 +12,15 @@ import math
 from itertools import pairwise
 from typing import Annotated, Literal, TypeAlias
 
-import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dualbend.control.clock import NYQUIST_HZ, TransferFunction
+from dualbend.control.clock import NYQUIST_HZ, TransferFunction, rational
 from dualbend.errors import InputError
-from dualbend.types import Tagged, Vector
+from dualbend.types import Tagged, Vector, said
 
 
-class _CutOff(Tagged, frozen=True, kw_only=True):
+class _CutOff(Tagged):
     """A low-pass filter with a design cut-off.
 
     Its cut-off is checked against the command rate of the PUMA when a scenario is read; nothing
@@ -33,9 +32,7 @@ class _CutOff(Tagged, frozen=True, kw_only=True):
         The cut-off is not below Nyquist (17.857 Hz).
     """
 
-    cutoff_hz: Annotated[
-        float, msgspec.Meta(gt=0, description="design cut-off, below 17.857 [Hz]")
-    ] = 10.0
+    cutoff_hz: Annotated[float, said("design cut-off, below 17.857 [Hz]", gt=0)] = 10.0
 
     def __post_init__(self) -> None:
         if not self.cutoff_hz < NYQUIST_HZ:
@@ -45,22 +42,20 @@ class _CutOff(Tagged, frozen=True, kw_only=True):
             )
 
 
-class FirConfig(_CutOff, frozen=True, kw_only=True, tag="fir"):
+class FirConfig(_CutOff, tag="fir"):
     """A windowed sinc of linear phase filters the wrench before the compliance."""
 
-    taps: Annotated[int, msgspec.Meta(ge=1, le=64, description="length of the FIR [samples]")] = 3
-    window: Annotated[
-        Literal["hamming", "boxcar"], msgspec.Meta(description="window of the FIR design")
-    ] = "hamming"
+    taps: Annotated[int, said("length of the FIR [samples]", ge=1, le=64)] = 3
+    window: Annotated[Literal["hamming", "boxcar"], said("window of the FIR design")] = "hamming"
 
 
-class IirConfig(_CutOff, frozen=True, kw_only=True, tag="iir"):
+class IirConfig(_CutOff, tag="iir"):
     """A Butterworth filter smooths the wrench before the compliance."""
 
-    order: Annotated[int, msgspec.Meta(ge=1, le=8, description="order of the Butterworth IIR")] = 2
+    order: Annotated[int, said("order of the Butterworth IIR", ge=1, le=8)] = 2
 
 
-class NoFilterConfig(Tagged, frozen=True, kw_only=True, tag="none"):
+class NoFilterConfig(Tagged, tag="none"):
     """The wrench goes to the compliance as it is read."""
 
 
@@ -107,16 +102,7 @@ class LowPass:
     The FIR is a windowed sinc (`scipy.signal.firwin`, linear phase), the IIR a Butterworth
     (`scipy.signal.butter`); in the loop both are one product with a small matrix.
 
-    Parameters
-    ----------
-    config
-        The design.
-    channels
-        Length of the vector that is filtered; 6 for a wrench.
-    period_s
-        Time between two samples [s].
-    shape
-        Leading shape: samples are (*shape, channels).
+    Samples are (*shape, channels), 6 channels for a wrench.
     """
 
     def __init__(
@@ -150,9 +136,8 @@ class LowPass:
 
     def gain(self, frequency_hz: float) -> float:
         """Return |H| at a frequency [Hz]."""
-        z = np.exp(-2j * math.pi * frequency_hz * self.period_s)
-        numerator, denominator = self._numerator, self._denominator
-        return float(abs(np.polyval(numerator[::-1], z) / np.polyval(denominator[::-1], z)))
+        z_inverse = np.exp(-2j * math.pi * frequency_hz * self.period_s)
+        return float(abs(rational((self._numerator, self._denominator), z_inverse)))
 
     def group_delay_s(self, frequency_hz: float) -> float:
         """Return the group delay −dφ/dω [s] at a frequency [Hz]."""

@@ -16,15 +16,15 @@ from numpy.typing import ArrayLike
 from dualbend.control.clock import TransferFunction
 from dualbend.control.filters import LowPass
 from dualbend.errors import InputError
-from dualbend.types import Mask, Vector, Wrench, matvec
+from dualbend.types import Config, Mask, Vector, Wrench, matvec, said
 
-_Noise = msgspec.Meta(ge=0, description="standard deviation per axis and sample; 0: none")
-_Count = msgspec.Meta(ge=0, description="one count; 0: not rounded")
-_Range = msgspec.Meta(gt=0, description="full scale ± per axis")
-_Bias = msgspec.Meta(description="constant error along x, y, z of the sensor")
+_Noise = said("standard deviation per axis and sample; 0: none", ge=0)
+_Count = said("one count; 0: not rounded", ge=0)
+_Range = said("full scale ± per axis", gt=0)
+_Bias = said("constant error along x, y, z of the sensor")
 
 
-class ForceTorqueConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ForceTorqueConfig(Config):
     """Errors, limits and place of the wrist sensor.
 
     The defaults are a transducer of the ATI Gamma SI-65-5 class (20 counts/N, 333.33 counts per
@@ -46,12 +46,9 @@ class ForceTorqueConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
     torque_range_nm: Annotated[float, _Range] = 5.0
     force_resolution_n: Annotated[float, _Count] = 0.05
     torque_resolution_nm: Annotated[float, _Count] = 0.003
-    latency_ms: Annotated[
-        float, msgspec.Meta(ge=0, le=1000, description="sensor latency (serial record) [ms]")
-    ] = 0.0
+    latency_ms: Annotated[float, said("sensor latency (serial record) [ms]", ge=0, le=1000)] = 0.0
     lever_arm_m: Annotated[
-        float,
-        msgspec.Meta(ge=0, description="sensor to grip centre as the controller believes it [m]"),
+        float, said("sensor to grip centre as the controller believes it [m]", ge=0)
     ] = 0.12
 
     def __post_init__(self) -> None:
@@ -71,25 +68,6 @@ class ForceTorqueConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknow
         return math.floor(self.latency_ms * 1e-3 / step_s + 0.5)
 
 
-def noise_streams(
-    rng: np.random.Generator | Sequence[np.random.Generator], shape: tuple[int, ...]
-) -> list[np.random.Generator]:
-    """Return one source of noise for each world, in C order of the leading shape.
-
-    Raises
-    ------
-    InputError
-        There are not as many sources as worlds.
-    """
-    streams = [rng] if isinstance(rng, np.random.Generator) else list(rng)
-    if len(streams) != math.prod(shape):
-        raise InputError(
-            f"rng: {len(streams)} sources of noise for a leading shape {shape}: "
-            f"need {math.prod(shape)}, one for each world"
-        )
-    return streams
-
-
 class Sensor:
     """Read a true wrench in S: add bias and white noise, clip to the range, round to counts.
 
@@ -100,8 +78,6 @@ class Sensor:
     rng
         Source of the noise; with a leading shape one for each sensor, in C order: its noise does
         not depend on the others'. Not drawn from when both noises are 0.
-    shape
-        Leading shape.
 
     Raises
     ------

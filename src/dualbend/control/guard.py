@@ -5,24 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
-import msgspec
 import numpy as np
 
-from dualbend.types import Mask, Vector
+from dualbend.types import Config, Mask, Vector, said
 
 
-class GuardConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class GuardConfig(Config):
     """Limits of the robots' own protective stop; the defaults are assumed."""
 
-    following_error_rad: Annotated[
-        float, msgspec.Meta(gt=0, description="joint against its reference")
-    ] = 0.02
-    torque_cycles: Annotated[
-        int, msgspec.Meta(ge=1, description="cycles in a row at the torque limit")
-    ] = 3
-    speed_fraction: Annotated[
-        float, msgspec.Meta(gt=0, le=1, description="of the published joint speeds")
-    ] = 1.0
+    following_error_rad: Annotated[float, said("joint against its reference", gt=0)] = 0.02
+    torque_cycles: Annotated[int, said("cycles in a row at the torque limit", ge=1)] = 3
+    speed_fraction: Annotated[float, said("of the published joint speeds", gt=0, le=1)] = 1.0
 
 
 class ProtectiveStop(Exception):  # noqa: N818 - an event of the robot, not an error of ours

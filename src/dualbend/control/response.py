@@ -14,19 +14,17 @@ from scipy import linalg
 
 from dualbend.control.clock import TransferFunction
 from dualbend.errors import InputError
-from dualbend.types import Vector
+from dualbend.types import Config, Vector, said
 
 
-class CommandResponseConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class CommandResponseConfig(Config):
     """Natural frequency and damping of every joint's response.
 
     The defaults are the limits that the paper quotes for the PUMA 560: 2 Hz, 2ξω_n = 25 rad/s.
     """
 
-    natural_frequency_hz: Annotated[
-        float, msgspec.Meta(gt=0, description="undamped natural frequency [Hz]")
-    ] = 2.0
-    damping_ratio: Annotated[float, msgspec.Meta(gt=0, description="ξ, 1 is critical [-]")] = 0.995
+    natural_frequency_hz: Annotated[float, said("undamped natural frequency [Hz]", gt=0)] = 2.0
+    damping_ratio: Annotated[float, said("ξ, 1 is critical [-]", gt=0)] = 0.995
 
 
 class CommandReference(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,18 +64,7 @@ class CommandResponse:
     Over a cycle u(t) = u_prev + (u_next − u_prev) t/T; with Z = (y, y', u_prev, u_next) the whole
     cycle is one product, reference = M Z.
 
-    Parameters
-    ----------
-    config
-        ω_n and ξ; under-, over- and critically damped alike.
-    joints
-        Number n of joints.
-    steps
-        Number m of physics steps in a cycle, see `dualbend.control.clock.steps_per_cycle`.
-    period_s
-        Command period T [s].
-    shape
-        Leading shape: set-points are (*shape, joints).
+    Under-, over- and critically damped alike; set-points are (*shape, joints).
 
     Raises
     ------

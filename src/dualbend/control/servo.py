@@ -12,7 +12,7 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from dualbend.types import Vector
+from dualbend.types import Config, Vector, said
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 
@@ -20,27 +20,27 @@ _COULOMB_SPEED_RAD_PER_S = 1e-4
 """Reference speed at which most of the Coulomb friction is fed forward: smooths its sign."""
 
 
-class StiffnessConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class StiffnessConfig(Config):
     """Stiffness of the joint servos; each arm has one of its own by default."""
 
     stiffness_n_m_per_rad: (
         Annotated[
             tuple[Positive, ...],
-            msgspec.Meta(
+            said(
+                "one per joint, base to flange, what a load feels; none: the arm's own",
                 min_length=6,
                 max_length=20,
-                description="one per joint, base to flange, what a load feels; none: the arm's own",
             ),
         ]
         | None
     ) = None
 
 
-class JointServoConfig(StiffnessConfig, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class JointServoConfig(StiffnessConfig):
     """Stiffness and damping of the joint servos; each arm has a stiffness of its own by default."""
 
     damping_ratio: Annotated[
-        float, msgspec.Meta(gt=0, le=5, description="ζ of each joint by itself, 1 is critical [-]")
+        float, said("ζ of each joint by itself, 1 is critical [-]", gt=0, le=5)
     ] = 1.0
 
 

@@ -9,12 +9,13 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.clock import COMMAND_PERIOD_S, ComplexVector, rational
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceAxis,
     AxisConfig,
     ComplianceConfig,
+    si_per_unit,
 )
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
@@ -22,8 +23,7 @@ from dualbend.stability.continuous import largest_stiffness, paper_loop
 from dualbend.stability.margins import FREQUENCIES_HZ, Z_INVERSE, margins
 from dualbend.stability.plant.environment import environments
 from dualbend.stability.prediction import Prediction
-from dualbend.stability.sampled import LoopElements, environment_loops, si_per_unit
-from dualbend.stability.state_space import ComplexVector, rational
+from dualbend.stability.sampled import LoopElements, environment_loops
 from dualbend.types import Vector
 
 PER_DECADE = 20

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ
+from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ, ComplexVector
 from dualbend.stability.sampled import SampledLoop
 from dualbend.types import Vector
-
-ComplexVector = NDArray[np.complex128]
 
 FREQUENCIES_HZ: Vector = np.concatenate([[0.0], np.geomspace(0.02, NYQUIST_HZ, 1500)])
 """Where a sampled loop is evaluated; crossings are interpolated to 1e-5 of the margin."""

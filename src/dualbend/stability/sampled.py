@@ -13,15 +13,14 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S, ComplexVector, rational, steps_per_cycle
 from dualbend.control.compliance.admittance import (
-    DEG_PER_RAD,
-    MM_PER_M,
     Admittance,
     AdmittanceAxis,
     AxisConfig,
+    si_per_unit,
 )
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.delay import TransportDelay
@@ -35,14 +34,8 @@ from dualbend.stability.controller import controller_system, plain_admittance
 from dualbend.stability.mode import Mode, describe_mode
 from dualbend.stability.plant.arm import CompliantArm
 from dualbend.stability.plant.environment import Environment
-from dualbend.stability.state_space import (
-    StateSpace,
-    from_transfer_function,
-    parallel,
-    rational,
-)
+from dualbend.stability.state_space import StateSpace, from_transfer_function, parallel
 
-ComplexVector = NDArray[np.complex128]
 AxisName = Literal["x", "rotation", "coupled"]
 AXES: tuple[AxisName, ...] = ("x", "rotation", "coupled")
 
@@ -113,13 +106,6 @@ class LoopElements:
         given: AxisConfig = getattr(config, name)
         factor = si_per_unit(config.units, name)
         return given.b * factor, given.k * factor
-
-
-def si_per_unit(units: str, name: Literal["x", "rotation"]) -> float:
-    """Return what takes a configured b or k to SI: 1000 for mm, 180/π for degrees, 1 for SI."""
-    if units != "paper":
-        return 1.0
-    return MM_PER_M if name == "x" else DEG_PER_RAD
 
 
 def _actuator(elements: LoopElements) -> StateSpace:

@@ -6,13 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
-from dualbend.control.clock import TransferFunction
+from dualbend.control.clock import ComplexVector, TransferFunction
 from dualbend.types import Vector
-
-ComplexVector = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,14 +95,6 @@ def parallel(parts: Iterable[StateSpace]) -> StateSpace:
         linalg.block_diag(*(getattr(item, name) for item in items)) for name in ("a", "b", "c", "d")
     )
     return StateSpace(a=a, b=b, c=c, d=d)
-
-
-def rational(transfer: TransferFunction, z_inverse: ComplexVector) -> ComplexVector:
-    """Return H where z⁻¹ is given."""
-    numerator, denominator = transfer
-    return np.asarray(
-        np.polyval(numerator[::-1], z_inverse) / np.polyval(denominator[::-1], z_inverse)
-    )
 
 
 def from_transfer_function(transfer: TransferFunction) -> StateSpace:

@@ -8,7 +8,6 @@ No vertical force enters; the moment that the sheet's own weight makes does.
 import math
 from typing import Annotated, Literal, TypeAlias
 
-import msgspec
 import numpy as np
 
 from dualbend.control.clock import TransferFunction
@@ -16,7 +15,7 @@ from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
 from dualbend.errors import InputError
-from dualbend.types import Mask, PlanarPose, Reals, Side, Tagged, Vector
+from dualbend.types import Config, Mask, PlanarPose, Reals, Side, Tagged, Vector, said
 
 MM_PER_M = 1e3
 DEG_PER_RAD = 180.0 / math.pi
@@ -24,7 +23,7 @@ DEG_PER_RAD = 180.0 / math.pi
 AdmittanceForm = Literal["printed", "impulse-invariant", "static"]
 
 
-class AxisConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class AxisConfig(Config):
     """Damping, stiffness and discrete form of one axis.
 
     `form`: "printed" is (15) as published, δ[n] = a δ[n−1] + F/b, which lacks the factor T of
@@ -33,29 +32,26 @@ class AxisConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     says in which units b and k are.
     """
 
-    b: Annotated[float, msgspec.Meta(gt=0, description="damping [N s/mm, N m s/deg; or SI]")]
-    k: Annotated[float, msgspec.Meta(gt=0, description="stiffness [N/mm, N m/deg; or SI]")]
+    b: Annotated[float, said("damping [N s/mm, N m s/deg; or SI]", gt=0)]
+    k: Annotated[float, said("stiffness [N/mm, N m/deg; or SI]", gt=0)]
     form: Annotated[
         AdmittanceForm,
-        msgspec.Meta(
-            description="(15) as printed, with the missing T, or with the true static stiffness"
-        ),
+        said("(15) as printed, with the missing T, or with the true static stiffness"),
     ] = "printed"
-    from_alpha_rad: Annotated[
-        float, msgspec.Meta(ge=0, description="bending angle from which the axis acts [rad]")
-    ] = 0.0
+    from_alpha_rad: Annotated[float, said("bending angle from which the axis acts [rad]", ge=0)] = (
+        0.0
+    )
 
 
-class _Compliance(Tagged, frozen=True, kw_only=True):
+class _Compliance(Tagged):
     """Which arms sense and which comply; what only some kinds have is None in the others."""
 
     sensing: Annotated[
-        tuple[Side, ...],
-        msgspec.Meta(min_length=1, max_length=2, description="arms with a force/torque sensor"),
+        tuple[Side, ...], said("arms with a force/torque sensor", min_length=1, max_length=2)
     ] = ("left",)
-    complying: Annotated[
-        tuple[Side, ...], msgspec.Meta(max_length=2, description="arms that the compliance moves")
-    ] = ("left",)
+    complying: Annotated[tuple[Side, ...], said("arms that the compliance moves", max_length=2)] = (
+        "left",
+    )
 
     def __post_init__(self) -> None:
         """Refuse an arm that is named twice."""
@@ -94,18 +90,8 @@ class _Compliance(Tagged, frozen=True, kw_only=True):
         return "paper"
 
     @property
-    def schedule(self) -> ScheduleConfig | None:
-        """Gains in proportion to the known stiffness; None: constant."""
-        return None
-
-    @property
     def reference(self) -> ReferenceConfig | None:
         """Loads that belong to the right path; None: none do."""
-        return None
-
-    @property
-    def fusion(self) -> FusionConfig | None:
-        """Force and moment read together; None: each axis by itself."""
         return None
 
     @property
@@ -116,27 +102,24 @@ class _Compliance(Tagged, frozen=True, kw_only=True):
     @property
     def modelled(self) -> bool:
         """Something of it needs to know the sheet."""
-        parts = (self.schedule, self.reference, self.fusion, self.predictor)
-        return any(part is not None for part in parts)
+        return False
 
 
-class NoComplianceConfig(_Compliance, frozen=True, kw_only=True, tag="none"):
+class NoComplianceConfig(_Compliance, tag="none"):
     """The arms follow their path whatever the sensors read."""
 
 
-class _TwoAxes(_Compliance, frozen=True, kw_only=True):
+class _TwoAxes(_Compliance):
     """Which axes comply and how far; an axis that is None is off."""
 
     x: AxisConfig | None = None
     rotation: AxisConfig | None = None
-    limit_x_m: Annotated[float, msgspec.Meta(gt=0, description="largest |δx| [m]")] = 0.02
-    limit_rotation_rad: Annotated[float, msgspec.Meta(gt=0, description="largest |δα| [rad]")] = 0.1
-    tare: Annotated[
-        bool, msgspec.Meta(description="loads count from the first reading after switching on")
-    ] = False
+    limit_x_m: Annotated[float, said("largest |δx| [m]", gt=0)] = 0.02
+    limit_rotation_rad: Annotated[float, said("largest |δα| [rad]", gt=0)] = 0.1
+    tare: Annotated[bool, said("loads count from the first reading after switching on")] = False
 
 
-class AdmittanceConfig(_TwoAxes, frozen=True, kw_only=True, tag="admittance"):
+class AdmittanceConfig(_TwoAxes, tag="admittance"):
     """The paper's compliance: constant gains along x and about y, on the wrench alone.
 
     `units`: "paper" means N, mm, N m and degrees for b and k; "si" means N s/m, N/m, N m s/rad and
@@ -145,21 +128,17 @@ class AdmittanceConfig(_TwoAxes, frozen=True, kw_only=True, tag="admittance"):
     arm that has one.
     """
 
-    units: Annotated[
-        Literal["paper", "si"], msgspec.Meta(description="in which b and k are given")
-    ] = "paper"
+    units: Annotated[Literal["paper", "si"], said("in which b and k are given")] = "paper"
 
 
-class ModelAdmittanceConfig(_TwoAxes, frozen=True, kw_only=True, tag="model"):
+class ModelAdmittanceConfig(_TwoAxes, tag="model"):
     """Compliance that knows sheet, arms and tool: each part goes beyond the paper by itself.
 
     `units` as of kind = "admittance"; "sheet" means s and 1, multiples of the known stiffness, and
     belongs to `schedule`. See `dualbend.control.compliance.model`.
     """
 
-    units: Annotated[
-        Literal["paper", "si", "sheet"], msgspec.Meta(description="in which b and k are given")
-    ] = "paper"
+    units: Annotated[Literal["paper", "si", "sheet"], said("in which b and k are given")] = "paper"
     schedule: ScheduleConfig | None = None
     reference: ReferenceConfig | None = None
     fusion: FusionConfig | None = None
@@ -174,37 +153,31 @@ class ModelAdmittanceConfig(_TwoAxes, frozen=True, kw_only=True, tag="model"):
                 "k is a ratio to the sheet's stiffness"
             )
 
+    @property
+    def modelled(self) -> bool:
+        """Something of it needs to know the sheet."""
+        parts = (self.schedule, self.reference, self.fusion, self.predictor)
+        return any(part is not None for part in parts)
+
 
 ComplianceConfig: TypeAlias = AdmittanceConfig | ModelAdmittanceConfig | NoComplianceConfig
 """How an arm complies with the wrench that it reads."""
 
 
+def si_per_unit(units: str, name: Literal["x", "rotation"]) -> float:
+    """Return what takes a configured b or k to SI: 1000 for mm, 180/π for degrees, 1 for SI."""
+    if units != "paper":
+        return 1.0
+    return MM_PER_M if name == "x" else DEG_PER_RAD
+
+
 class AdmittanceAxis:
     """The first-order filter of one axis, H(z) = g / (1 − a z⁻¹), in SI.
 
-    Parameters
-    ----------
-    config
-        b, k and form.
-    period_s
-        Command period T [s].
-    to_si
-        Factor that takes b and k to SI: 1000 for mm, 180/π for degrees, 1 for SI.
-    paper_per_si
-        Factor that takes a deviation in SI to the paper's unit (mm or degrees).
-    limit
-        Largest |δ| [m or rad].
+    ``to_si`` takes b and k to SI; ``limit`` is the largest |δ| [m or rad].
     """
 
-    def __init__(
-        self,
-        config: AxisConfig,
-        *,
-        period_s: float,
-        to_si: float,
-        paper_per_si: float,
-        limit: float,
-    ) -> None:
+    def __init__(self, config: AxisConfig, *, period_s: float, to_si: float, limit: float) -> None:
         b, k = config.b * to_si, config.k * to_si
         self.pole = math.exp(-k * period_s / b)
         self._one_minus_pole = -math.expm1(-k * period_s / b)
@@ -215,7 +188,6 @@ class AdmittanceAxis:
         }[config.form]
         self.limit = limit
         self.from_alpha_rad = config.from_alpha_rad
-        self._paper_per_si = paper_per_si
 
     def transfer_function(self) -> TransferFunction:
         """Tell H(z), without the bound, in powers of z⁻¹ [m/N] or [rad/(N m)]."""
@@ -225,11 +197,6 @@ class AdmittanceAxis:
     def static_compliance(self) -> float:
         """Deviation per steady load g/(1 − a) [m/N] or [rad/(N m)]: 1/k in the static form."""
         return self.gain / self._one_minus_pole
-
-    @property
-    def static_compliance_paper(self) -> float:
-        """The same in the paper's units [mm/N] or [deg/(N m)]."""
-        return self.static_compliance * self._paper_per_si
 
 
 class Admittance:
@@ -241,15 +208,13 @@ class Admittance:
 
     Parameters
     ----------
-    config
-        Both axes. `x` and `rotation` of this object are the filters that run, or None.
-    period_s
-        Command period [s].
     shape
-        Leading shape of loads and deviations, an axis of arms among it where there is one.
+        With an axis of arms where there is one.
 
     Attributes
     ----------
+    x, rotation
+        The filters that run, or None.
     saturated
         (..., 2): the deviation is at its bound.
     """
@@ -258,23 +223,16 @@ class Admittance:
         self, config: ComplianceConfig, *, period_s: float, shape: tuple[int, ...] = ()
     ) -> None:
         self.config = config
-        paper = config.units == "paper"
 
-        def axis(
-            settings: AxisConfig | None, paper_per_si: float, limit: float
-        ) -> AdmittanceAxis | None:
+        def axis(name: Literal["x", "rotation"], limit: float) -> AdmittanceAxis | None:
+            settings: AxisConfig | None = getattr(config, name)
             if settings is None:
                 return None
-            return AdmittanceAxis(
-                settings,
-                period_s=period_s,
-                to_si=paper_per_si if paper else 1.0,
-                paper_per_si=paper_per_si,
-                limit=limit,
-            )
+            to_si = si_per_unit(config.units, name)
+            return AdmittanceAxis(settings, period_s=period_s, to_si=to_si, limit=limit)
 
-        self.x = axis(config.x, MM_PER_M, config.limit_x_m)
-        self.rotation = axis(config.rotation, DEG_PER_RAD, config.limit_rotation_rad)
+        self.x = axis("x", config.limit_x_m)
+        self.rotation = axis("rotation", config.limit_rotation_rad)
         # An axis that is off never acts.
         numbers = [
             (0.0, 0.0, math.inf, math.inf)

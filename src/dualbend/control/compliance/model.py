@@ -14,10 +14,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from dualbend.control.compliance.admittance import (
-    Admittance,
-    ModelAdmittanceConfig,
-)
+from dualbend.control.compliance.admittance import Admittance, ModelAdmittanceConfig
 from dualbend.control.compliance.predictor import ResponseLead, ResponseModel, lead_share
 from dualbend.control.compliance.reference import moment_rows, reference
 from dualbend.control.compliance.schedule import FusionConfig, KnownSheet
@@ -50,19 +47,11 @@ class ModelAdmittance(Admittance):
 
     Parameters
     ----------
-    config
-        With at least one of schedule, reference, fusion and predictor.
-    known
-        Tables along the path.
     response
         How a command is answered, for the lead.
     own, nominal
         Models of the two deviations (with transport delay) and of the nominal x, z, α (without), of
         the same leading shape.
-    period_s
-        Command period [s].
-    shape
-        Leading shape.
     """
 
     def __init__(

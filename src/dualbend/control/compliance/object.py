@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from dualbend.control.clock import TransferFunction
-from dualbend.types import Mask, Reals, Vector, Wrench
+from dualbend.types import Config, Mask, Reals, Vector, Wrench, said
 
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 
@@ -28,7 +28,7 @@ _MARGIN_SEEKING = 1.25
 """What is left of the gain margin while the sheet lies on the tips of pins."""
 
 
-class ObjectComplianceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ObjectComplianceConfig(Config):
     """How the held sheet complies with what it touches: a damper, ``B v = F``.
 
     A damper follows a force until none is left. What the loop works against is the stiffness of the
@@ -36,19 +36,15 @@ class ObjectComplianceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_u
     series. B is not set: it follows from that stiffness, the loop's delays and the margin.
     """
 
-    gain_margin: Annotated[
-        float, msgspec.Meta(gt=1, le=100, description="of the loop, at every bending angle")
-    ] = 4.0
-    deadband_n: Annotated[
-        NotNegative, msgspec.Meta(description="force below which nothing moves")
-    ] = 0.1
-    deadband_nm: Annotated[NotNegative, msgspec.Meta(description="the same, moment about z")] = 0.02
-    seek_m_per_s: Annotated[
-        float, msgspec.Meta(ge=0, le=0.01, description="least speed towards a pin, on its tip")
-    ] = 0.5e-3
-    seek_rad_per_s: Annotated[float, msgspec.Meta(ge=0, le=0.1, description="the same, yaw")] = 2e-3
-    limit_m: Annotated[float, msgspec.Meta(gt=0, description="largest |δx|, |δy|")] = 5e-3
-    limit_rad: Annotated[float, msgspec.Meta(gt=0, description="largest turn")] = 0.03
+    gain_margin: Annotated[float, said("of the loop, at every bending angle", gt=1, le=100)] = 4.0
+    deadband_n: Annotated[NotNegative, said("force below which nothing moves")] = 0.1
+    deadband_nm: Annotated[NotNegative, said("the same, moment about z")] = 0.02
+    seek_m_per_s: Annotated[float, said("least speed towards a pin, on its tip", ge=0, le=0.01)] = (
+        0.5e-3
+    )
+    seek_rad_per_s: Annotated[float, said("the same, yaw", ge=0, le=0.1)] = 2e-3
+    limit_m: Annotated[float, said("largest |δx|, |δy|", gt=0)] = 5e-3
+    limit_rad: Annotated[float, said("largest turn", gt=0)] = 0.03
 
 
 class ObjectAdmittance:
@@ -59,15 +55,9 @@ class ObjectAdmittance:
 
     Parameters
     ----------
-    config
-        Dead bands and bounds.
     bends, mobility
         1/B (n, 3) of x, y [m/(N s)] and yaw [rad/(N m s)] at n growing bending angles, (n,), each
         over that at which the sheet is laid.
-    period_s
-        Command period T [s].
-    shape
-        Leading shape.
 
     Attributes
     ----------

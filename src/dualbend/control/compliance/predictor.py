@@ -12,21 +12,18 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-import msgspec
 import numpy as np
 
 from dualbend.control.clock import TransferFunction
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass, LowPassConfig
 from dualbend.control.response import CommandResponse, CommandResponseConfig
-from dualbend.types import Reals, Vector
+from dualbend.types import Config, Reals, Vector, said
 
-_Lead = Annotated[
-    float, msgspec.Meta(ge=0, le=1, description="what is left of the response's lag [s]")
-]
+_Lead = Annotated[float, said("what is left of the response's lag [s]", ge=0, le=1)]
 
 
-class PredictorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PredictorConfig(Config):
     """What the prediction uses.
 
     ``lead_*_s``: where given, the error is also passed through the inverse of the response and two
@@ -39,18 +36,16 @@ class PredictorConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     lead_x_s: _Lead | None = None
     lead_rotation_s: _Lead | None = None
     lead_until_rad: Annotated[
-        float, msgspec.Meta(gt=0, description="slope from which there is no lead any more [rad]")
+        float, said("slope from which there is no lead any more [rad]", gt=0)
     ] = 1e3
-    inertia: Annotated[
-        bool, msgspec.Meta(description="take off what the known tool's inertia makes")
-    ] = True
+    inertia: Annotated[bool, said("take off what the known tool's inertia makes")] = True
 
 
 class ResponseLead:
     """The response's discrete poles as zeros, and twice the pole r = e^(−T/τ) instead.
 
     H(z) = (1 − p₁ z⁻¹)(1 − p₂ z⁻¹)(1 − r)² / ((1 − p₁)(1 − p₂)(1 − r z⁻¹)²), with p = e^(s T) of
-    the poles s of G(s): unit gain at rest. ``period_s``: command period T; ``shape`` of the errors.
+    the poles s of G(s): unit gain at rest. The errors are of ``shape``.
     """
 
     def __init__(
@@ -97,20 +92,9 @@ def lead_share(config: PredictorConfig, alpha_rad: Reals) -> Vector:
 class ResponseModel:
     """Set-points of n channels → positions and accelerations as old as a filtered reading.
 
-    Parameters
-    ----------
-    response, low_pass
-        The configurations of the elements that run.
-    delay_cycles
-        Transport delay of these set-points [command periods].
-    steps, age_steps
-        Physics steps of a cycle; sensor latency at the start of the cycle that uses it, >= 1.
-    channels
-        n.
-    period_s
-        Command period [s].
-    shape
-        Leading shape: set-points are (*shape, n).
+    Set-points are (*shape, n) and have a transport delay of ``delay_cycles`` command periods. A
+    cycle has ``steps`` physics steps; ``age_steps`` >= 1 is the sensor latency at the start of the
+    cycle that uses the reading.
     """
 
     def __init__(

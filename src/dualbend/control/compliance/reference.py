@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import msgspec
 import numpy as np
 
 from dualbend.control.compliance.schedule import KnownSheet
-from dualbend.types import Vector, matvec
+from dualbend.types import Config, Vector, matvec, said
 
 
-class ReferenceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ReferenceConfig(Config):
     """Which loads are taken for right, and how the moment is read.
 
     Below some hundredths of a radian a sheet with weight has no zero-moment state but a taut one,
@@ -24,12 +23,12 @@ class ReferenceConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     sheet's weight, and not what its noisy channel says; it enters the moment with the lever arm.
     """
 
-    from_rad: Annotated[
-        float, msgspec.Meta(ge=0.005, le=1, description="below it the force of this slope [rad]")
-    ] = 0.05
-    known_weight: Annotated[
-        bool, msgspec.Meta(description="take the vertical force for half the sheet's weight")
-    ] = False
+    from_rad: Annotated[float, said("below it the force of this slope [rad]", ge=0.005, le=1)] = (
+        0.05
+    )
+    known_weight: Annotated[bool, said("take the vertical force for half the sheet's weight")] = (
+        False
+    )
 
 
 def moment_rows(config: ReferenceConfig | None, known: KnownSheet, alpha_rad: Vector) -> Vector:

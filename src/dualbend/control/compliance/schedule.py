@@ -11,15 +11,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.errors import InputError
-from dualbend.types import Reals, Vector
+from dualbend.types import Config, Reals, Vector, said
 
 
-class ScheduleConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ScheduleConfig(Config):
     """Gains as multiples of the known stiffness: b is a time [s] and k a ratio [1].
 
     B(α) = b K(α) and K_c(α) = k K(α), with K the diagonal of the known stiffness. With ``curve``
@@ -28,16 +27,14 @@ class ScheduleConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_f
     """
 
     from_rad: Annotated[
-        float,
-        msgspec.Meta(ge=0.005, le=1, description="below it the stiffness of this slope [rad]"),
+        float, said("below it the stiffness of this slope [rad]", ge=0.005, le=1)
     ] = 0.01
-    curve: Annotated[
-        bool,
-        msgspec.Meta(description="force to displacement by the sheet's curve, not its tangent"),
-    ] = False
+    curve: Annotated[bool, said("force to displacement by the sheet's curve, not its tangent")] = (
+        False
+    )
 
 
-class FusionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class FusionConfig(Config):
     """Let x comply with what force and moment tell together, by least squares.
 
     A wrong x changes both by the known K₁₁ and K₂₁. Weighted with the errors σ of the readings,
@@ -45,10 +42,8 @@ class FusionConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     one, which is soft, the moment.
     """
 
-    force_error_n: Annotated[float, msgspec.Meta(gt=0, description="σ of the force [N]")] = 0.05
-    moment_error_nm: Annotated[float, msgspec.Meta(gt=0, description="σ of the moment [N m]")] = (
-        0.004
-    )
+    force_error_n: Annotated[float, said("σ of the force [N]", gt=0)] = 0.05
+    moment_error_nm: Annotated[float, said("σ of the moment [N m]", gt=0)] = 0.004
 
 
 @dataclass(frozen=True, kw_only=True)
