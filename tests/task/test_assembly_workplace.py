@@ -120,7 +120,7 @@ def test_following_the_advice_ends_in_a_workplace_that_is_accepted(
             return
         except InputError as error:
             found = re.match(
-                r"assembly\.([\w.]+) = (\S+): .*; at (?:most|least) ([0-9.e-]+)", str(error)
+                r"task\.([\w.]+) = (\S+): .*; at (?:most|least) ([0-9.e-]+)", str(error)
             )
             assert found is not None, str(error)
             key, value, limit = found.groups()
