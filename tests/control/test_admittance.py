@@ -224,16 +224,6 @@ def test_tare_takes_the_reading_at_which_the_axis_is_switched_on() -> None:
     assert update(admittance, -40.0, 0.4, 0.3)[0] == pytest.approx(1e-3 * math.exp(-4.6), rel=1e-9)
 
 
-def test_reset_makes_it_new() -> None:
-    used, new = scheduled(tare=True), scheduled(tare=True)
-    for load in (-5.0, 9.0):
-        update(used, load, load, 0.4)
-    used.reset()
-    for load in (3.0, 1.0, -2.0):
-        # Exact.
-        assert update(used, load, load, 0.4) == update(new, load, load, 0.4)
-
-
 @pytest.mark.parametrize(
     ("form", "limits"),
     [

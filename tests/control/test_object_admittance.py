@@ -170,8 +170,8 @@ def test_a_constant_force_makes_a_constant_speed(bend: float) -> None:
 def test_the_stream_is_the_transfer_function(wrenches: Vector, bend: float) -> None:
     admittance = make(msgspec.structs.replace(NO_BAND, limit_m=1.0, limit_rad=1.0))
     stream = np.array([admittance.update(wrench, bend) for wrench in wrenches])
-    for axis in range(3):
-        expected = signal.lfilter(*admittance.transfer_function(axis, bend), wrenches[:, axis])
+    for axis, mobility in enumerate(admittance.mobility(bend)):
+        expected = signal.lfilter([T * mobility], [1.0, -1.0], wrenches[:, axis])
         # Analytic: the same sum.
         np.testing.assert_allclose(stream[:, axis], expected, atol=1e-15)
 

@@ -28,16 +28,13 @@ class PlanarPathModification:
     x' = x + δx cos φ + δz sin φ, z' = z − δx sin φ + δz cos φ, α' = α + δα, with φ = 0 in mode
     "world", φ = α in mode "tool" and φ = α at the start of ALTER in mode "tool-frozen". The last is
     what VAL II does: it does not update the tool's rotation matrix while moving (Robotics FAQ,
-    section 12). The deviation is not cumulative: it is the whole deviation of this cycle.
+    section 12). The deviation is not cumulative: it is the whole deviation of this cycle. ALTER
+    starts with the first call of `compose`.
     """
 
     def __init__(self, mode: AlterMode) -> None:
         self.mode: AlterMode = mode
         self._start_alpha_rad: Vector | None = None
-
-    def reset(self) -> None:
-        """End ALTER; the next call of `compose` starts it anew."""
-        self._start_alpha_rad = None
 
     def compose(self, nominal: PlanarPose, deviation: Vector) -> PlanarPose:
         """Return the commanded pose (..., 3) of a nominal one and a deviation (..., 6).

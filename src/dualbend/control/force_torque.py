@@ -13,7 +13,6 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dualbend.control.clock import TransferFunction
 from dualbend.control.filters import LowPass
 from dualbend.errors import InputError
 from dualbend.types import Config, Mask, Vector, Wrench, matvec, said
@@ -71,13 +70,9 @@ class ForceTorqueConfig(Config):
 class Sensor:
     """Read a true wrench in S: add bias and white noise, clip to the range, round to counts.
 
-    Parameters
-    ----------
-    config
-        Errors and limits. Full scale is the range rounded down to whole counts.
-    rng
-        Source of the noise; with a leading shape one for each sensor, in C order: its noise does
-        not depend on the others'. Not drawn from when both noises are 0.
+    Full scale is the range rounded down to whole counts. ``rng`` is the source of the noise; with a
+    leading shape one for each sensor, in C order: its noise does not depend on the others'. It is
+    not drawn from when both noises are 0.
 
     Raises
     ------
@@ -142,16 +137,8 @@ class ToolGravityCompensation:
     """Know the weight of what is bolted to the sensor: F = m g R_WSᵀ (0, 0, −1), M = c × F.
 
     The sheet is not part of it: its weight is a load, and a clamped flat sheet has a moment of
-    q L²/12 that a tare on the held sheet would wrongly hide.
-
-    Parameters
-    ----------
-    mass_kg
-        Mass m of the tools (...) [kg].
-    com_sensor_m
-        Centres of mass c (..., 3) in S [m].
-    gravity_m_s2
-        g [m/s²].
+    q L²/12 that a tare on the held sheet would wrongly hide. Masses m (...) and their centres c
+    (..., 3) in S.
     """
 
     def __init__(
@@ -195,16 +182,8 @@ class WrenchChain:
     """Sensor, tool compensation, move to the grip centre and low-pass.
 
     F_G = R_GS (F_S − F_tool), M_G = R_GS (M_S − M_tool − r × (F_S − F_tool)), with r the lever arm
-    along the approach axis.
-
-    Parameters
-    ----------
-    sensor, tool, low_pass
-        The elements, of one leading shape; the low-pass has six channels.
-    rotation_grip_sensor
-        R_GS (3, 3): takes components in S to components in G.
-    approach_axis_grip
-        Unit vector (3,) in G from the sensor to the grip centre; x_G by default.
+    along x_G and R_GS (3, 3) from S to G. The elements are of one leading shape; the low-pass has
+    six channels and takes the first reading as its steady state.
 
     Raises
     ------
@@ -218,7 +197,6 @@ class WrenchChain:
         tool: ToolGravityCompensation,
         low_pass: LowPass,
         rotation_grip_sensor: ArrayLike,
-        approach_axis_grip: ArrayLike = (1.0, 0.0, 0.0),
     ) -> None:
         rotation = np.asarray(rotation_grip_sensor, dtype=np.float64)
         if (
@@ -228,13 +206,9 @@ class WrenchChain:
         ):
             raise InputError(f"rotation_grip_sensor: need a (3, 3) rotation, got {rotation!r}")
         self.sensor, self.tool, self.low_pass = sensor, tool, low_pass
-        lever = sensor.config.lever_arm_m * np.asarray(approach_axis_grip, dtype=np.float64)
+        lever = np.array([sensor.config.lever_arm_m, 0.0, 0.0])
         units = Wrench(np.eye(6), "sensor", "sensor").turned(rotation, "grip").moved(lever, "grip")
         self._to_grip = units.components.T.copy()
-        self._primed = False
-
-    def reset(self) -> None:
-        """Forget the past: the next reading is taken as the low-pass's steady state."""
         self._primed = False
 
     def update(self, wrench: Vector, rotation_world_sensor: Vector) -> WrenchReading:
@@ -251,7 +225,3 @@ class WrenchChain:
             grips=Wrench(grips, "grip", "grip"),
             clipped=clipped,
         )
-
-    def transfer_function(self) -> TransferFunction:
-        """Tell the low-pass in powers of z⁻¹: the only element here with a memory."""
-        return self.low_pass.transfer_function()

@@ -96,12 +96,6 @@ class CommandResponse:
         position: Vector = self._state[..., 0, :].copy()
         return position
 
-    @property
-    def velocity(self) -> Vector:
-        """Reference velocity at the end of the last cycle (..., joints) [rad/s]."""
-        velocity: Vector = self._state[..., 1, :].copy()
-        return velocity
-
     def reset(self, position: ArrayLike = 0.0) -> None:
         """Rest at a position (..., joints) [rad] that is also the last set-point."""
         self._state[..., 0, :] = self._state[..., 2, :] = position

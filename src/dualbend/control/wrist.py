@@ -16,15 +16,7 @@ def arm_slice(arms: Sequence[int]) -> slice:
 
 
 class WristSensors:
-    """The wrench chain of the arms that carry a sensor.
-
-    Parameters
-    ----------
-    chain
-        Of the leading shape (..., number of these arms): they are its last axis.
-    arms
-        Their indices.
-    """
+    """The wrench chain of those arms, by index, that carry a sensor: its last leading axis."""
 
     def __init__(self, chain: WrenchChain, arms: Sequence[int]) -> None:
         self.chain, self.arms = chain, tuple(arms)

@@ -245,29 +245,21 @@ class Admittance:
             np.broadcast_to(column, (*shape, 2)).copy() for column in zip(*numbers, strict=True)
         )
         self._lowest = -self._limit
-        self.reset()
+        self._deviation = np.zeros_like(self._pole)
+        self._reference = np.zeros_like(self._pole)
+        self._acted: Mask = np.zeros(self._pole.shape, dtype=np.bool_)
+        self.saturated: Mask = self._acted
 
     @property
     def axes(self) -> tuple[AdmittanceAxis | None, AdmittanceAxis | None]:
         """The filters of x and rotation."""
         return self.x, self.rotation
 
-    def reset(self) -> None:
-        """Return to no deviation, both axes switched off."""
-        self._deviation = np.zeros_like(self._pole)
-        self._reference = np.zeros_like(self._pole)
-        self._acted: Mask = np.zeros(self._pole.shape, dtype=np.bool_)
-        self.saturated: Mask = self._acted
-
     def comply(self, wrench: Vector, pose: PlanarPose) -> Vector:
         """Run one cycle; return the deviation (..., 2): δx [m], δα [rad].
 
-        Parameters
-        ----------
-        wrench
-            Filtered F_x, F_z [N] and M_y [N m] (..., 3) on the arm in its bending frame.
-        pose
-            Nominal pose (..., 3) there; its bending angle switches the axes on.
+        ``wrench``: filtered F_x, F_z [N] and M_y [N m] (..., 3) on the arm in its bending frame;
+        the bending angle of the nominal pose (..., 3) there switches the axes on.
         """
         return self.update(wrench[..., ::2], pose.alpha_rad)
 

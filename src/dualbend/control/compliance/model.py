@@ -50,8 +50,8 @@ class ModelAdmittance(Admittance):
     response
         How a command is answered, for the lead.
     own, nominal
-        Models of the two deviations (with transport delay) and of the nominal x, z, α (without), of
-        the same leading shape.
+        Models at rest, of the two deviations (with transport delay) and of the nominal x, z, α
+        (without), of the same leading shape.
     """
 
     def __init__(
@@ -74,15 +74,7 @@ class ModelAdmittance(Admittance):
             for lag in lags
         )
         super().__init__(config, period_s=period_s, shape=shape)
-
-    def reset(self) -> None:
-        """Return to no deviation; the next pose is taken as rest."""
-        super().reset()
-        for lead in self.leads:
-            if lead is not None:
-                lead.reset()
         self._last = np.zeros_like(self._pole)
-        self._own.reset(self._last)
         self._placed = False
 
     def point(self, alpha_rad: Reals) -> ModelPoint:
@@ -137,7 +129,7 @@ class ModelAdmittance(Admittance):
         return np.asarray((np.array(static) * point.gain)[:, np.newaxis] * point.estimate)
 
     def comply(self, wrench: Vector, pose: PlanarPose) -> Vector:
-        """Run one cycle on the filtered F_x, F_z, M_y (..., 3), at the nominal pose (..., 3)."""
+        """Run one cycle as the admittance does; the first pose is taken as rest."""
         if not self._placed:
             self._nominal.reset(pose.coordinates)
             self._placed = True

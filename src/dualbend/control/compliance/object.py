@@ -12,14 +12,10 @@ import math
 from collections.abc import Sequence
 from typing import Annotated
 
-import msgspec
 import numpy as np
 
 from dualbend.control.clock import TransferFunction
 from dualbend.types import Config, Mask, Reals, Vector, Wrench, said
-
-NotNegative = Annotated[float, msgspec.Meta(ge=0)]
-
 
 _SURE_N, _SURE_NM = 0.2, 0.05
 """Force and moment beyond the dead band that noise does not make."""
@@ -37,8 +33,8 @@ class ObjectComplianceConfig(Config):
     """
 
     gain_margin: Annotated[float, said("of the loop, at every bending angle", gt=1, le=100)] = 4.0
-    deadband_n: Annotated[NotNegative, said("force below which nothing moves")] = 0.1
-    deadband_nm: Annotated[NotNegative, said("the same, moment about z")] = 0.02
+    deadband_n: Annotated[float, said("force below which nothing moves", ge=0)] = 0.1
+    deadband_nm: Annotated[float, said("the same, moment about z", ge=0)] = 0.02
     seek_m_per_s: Annotated[float, said("least speed towards a pin, on its tip", ge=0, le=0.01)] = (
         0.5e-3
     )
@@ -112,15 +108,6 @@ class ObjectAdmittance:
         self.deviation = np.clip(moved, -self._limit, self._limit)
         return self.deviation.copy()
 
-    def transfer_function(self, axis: int, bend: float) -> TransferFunction:
-        """Tell H(z) of one axis in powers of z⁻¹, without band and clamp."""
-        return _damper(float(self.mobility(bend)[axis]), self._period_s)
-
-
-def _damper(mobility: float, period_s: float) -> TransferFunction:
-    """Tell H(z) = (T/B) / (1 − z⁻¹)."""
-    return np.array([period_s * mobility]), np.array([1.0, -1.0])
-
 
 def _size(vector: Vector) -> Vector:
     """Return the length (..., 1) of vectors (..., 1) or (..., 2)."""
@@ -163,7 +150,8 @@ def critical_rate(
     omega = np.linspace(1e-3, np.pi, 4000)
     back = np.exp(-1j * omega)
     loop = back**latency_cycles
-    for numerator, denominator in (_damper(1.0, period_s), *path):
+    damper = np.array([period_s]), np.array([1.0, -1.0])
+    for numerator, denominator in (damper, *path):
         loop = loop * np.polyval(numerator[::-1], back) / np.polyval(denominator[::-1], back)
     turned = np.unwrap(np.angle(loop)) <= -np.pi
     if not turned.any():

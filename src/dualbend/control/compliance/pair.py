@@ -15,12 +15,8 @@ from dualbend.types import Mask, PlanarPose, Vector
 class PairCompliance:
     """Each sensing arm complies by an admittance; an arm without a sensor mirrors the first one.
 
-    Parameters
-    ----------
-    admittance
-        Of the leading shape (..., number of sensing arms): the arms are its last axis.
-    sensing, complying
-        Indices of the arms with a sensor, and of those that deviate.
+    The sensing arms are the last axis of the admittance's leading shape; ``complying`` are those
+    that deviate, both as indices.
     """
 
     def __init__(

@@ -62,12 +62,7 @@ class ResponseLead:
         r = math.exp(-period_s / lag_s) if lag_s > 0.0 else 0.0
         self._numerator = (zeros / zeros.sum() * (1.0 - r) ** 2).tolist()
         self._denominator = [1.0, -2.0 * r, r * r]
-        self._shape = shape
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the past."""
-        self._memory = (np.zeros(self._shape), np.zeros(self._shape))
+        self._memory = (np.zeros(shape), np.zeros(shape))
 
     def update(self, value: Reals) -> Vector:
         """Take one error (...) and return it as of the command."""
