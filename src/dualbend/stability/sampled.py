@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.compliance.admittance import (
@@ -36,13 +36,13 @@ from dualbend.stability.mode import Mode, describe_mode
 from dualbend.stability.plant.arm import CompliantArm
 from dualbend.stability.plant.environment import Environment
 from dualbend.stability.state_space import (
+    ComplexVector,
     StateSpace,
     from_transfer_function,
     parallel,
     rational,
 )
 
-ComplexVector = NDArray[np.complex128]
 AxisName = Literal["x", "rotation", "coupled"]
 AXES: tuple[AxisName, ...] = ("x", "rotation", "coupled")
 
@@ -146,28 +146,15 @@ class SampledLoop:
 
     ``closed`` is its state space, from a wrench added to the readings to the deviations.
 
-    Parameters
-    ----------
-    elements
-        What runs.
-    stiffness : (2, 2)
-        K: horizontal force and moment about y that the sensing arm loses per δx and δα, positive
-        where the sheet pushes back [[N/m, N/rad], [N, N m/rad]].
-    acting
-        Whether x and rotation take part.
-    inertia : (2, 2)
-        M of the tool beyond the sensor, which the reading cannot tell from the sheet: the wrench
-        read is −K q − M q̈ [[kg, kg m], [kg m, kg m²]]. None: no tool.
-    arm
-        The arm that moves, with its own stiffness and inertia, which then count instead of K and
-        M. None: the arm does exactly what the robot's response says.
-    alpha_rad
-        Bending angle at which an admittance with a model is; not asked for without one.
+    ``stiffness`` (2, 2), K: horizontal force and moment about y that the sensing arm loses per δx
+    and δα, positive where the sheet pushes back [[N/m, N/rad], [N, N m/rad]]. ``acting``: whether
+    x and rotation take part. ``inertia`` (2, 2), M of the tool beyond the sensor, which the reading
+    cannot tell from the sheet: the wrench read is −K q − M q̈ [[kg, kg m], [kg m, kg m²]]; None: no
+    tool. ``arm`` moves with its own stiffness and inertia instead of K and M; None: the arm does
+    exactly what the robot's response says. ``alpha_rad``: the bending angle that an admittance with
+    a model is asked for.
 
-    Raises
-    ------
-    InputError
-        No axis takes part, or K is not a finite (2, 2) matrix.
+    Raises InputError where no axis takes part, or K is not a finite (2, 2) matrix.
     """
 
     def __init__(

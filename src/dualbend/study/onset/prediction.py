@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance
+from dualbend.mechanics.coupling import ModeName
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.continuous import delayed_loop, largest_stiffness, paper_loop
 from dualbend.stability.margins import loop_margins
@@ -18,6 +19,7 @@ from dualbend.stability.mode import Mode
 from dualbend.stability.plant.environment import environments
 from dualbend.stability.sampled import LoopElements, SampledLoop, environment_loops
 from dualbend.study.onset.held import SingleAxis, held
+from dualbend.types import Vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +54,9 @@ class RayLoop:
         self.b = given.b if given is not None else 1.0
         # Tared, so that the state does not depend on the gains.
         (at,) = environments(self.held(self.b), [alpha_rad])
-        ways = {way: loop for way, loop in at.loops.items() if way != "antisymmetric"}
+        ways: dict[ModeName, Vector] = {
+            way: loop for way, loop in at.loops.items() if way != "antisymmetric"
+        }
         self._environment = replace(at, loops=ways)
         self._elements = LoopElements.from_scenario(self.held(self.b))
 

@@ -64,11 +64,9 @@ def worst_differences(
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, inertia)
         flange = data.site(arm.FLANGE_SITE)
+        pose = np.column_stack([flange.xmat.reshape(3, 3), flange.xpos])
         pairs: tuple[tuple[Vector, Vector], ...] = (
-            (
-                np.column_stack([flange.xmat.reshape(3, 3), flange.xpos]),
-                reference.flange_pose(q)[:3],
-            ),
+            (pose, reference.flange_pose(q)[:3]),
             (data.qfrc_bias, reference.gravity_torque(q)),
             (inertia, reference.mass_matrix(q) + np.diag(armature_kg_m2)),
         )
@@ -116,11 +114,9 @@ def held_weight_errors(sensor: ForceTorqueConfig, poses: int = 10) -> tuple[floa
         sample = chain.update(wrench, rotation)
         upward = data.site(f"{_SIDE}_{arm.GRIP_SITE}").xmat.reshape(3, 3)[2]
         weight = -PAYLOAD_KG * GRAVITY_M_PER_S2 * upward
-        difference = (
-            sample.raw.force_n - weight,
-            sample.raw.torque_nm - np.cross(centre, weight),
-        )
-        errors.append([np.linalg.norm(d) for d in difference])
+        wanted = weight, np.cross(centre, weight)
+        found = sample.raw.force_n, sample.raw.torque_nm
+        errors.append([np.linalg.norm(a - b) for a, b in zip(found, wanted, strict=True)])
     worst_force, worst_torque = np.max(errors, axis=0)
     return float(worst_force), float(worst_torque)
 
