@@ -90,9 +90,11 @@ def settle(
     )
 
 
-def plate_stiffness(sheet: Sheet) -> float:
-    """Return D w [N m²] of cylindrical bending, D = E t³ / 12 (1 − ν²)."""
-    return replace(sheet, rigidity="plate").bending_stiffness_nm2
+def _theory(sheet: Sheet, alpha: float, off_m: float) -> tuple[float, rod.RodState]:
+    """Return a half distance off the path and the rod of D w there, D = E t³ / 12 (1 − ν²)."""
+    half = float(elastica.half_distance(alpha, sheet.length_m)) + off_m
+    plate = replace(sheet, rigidity="plate").bending_stiffness_nm2
+    return half, rod.solve_symmetric(plate, sheet.length_m, alpha, half)
 
 
 def cylindrical_rows() -> Iterator[Row]:
@@ -108,9 +110,8 @@ def cylindrical_rows() -> Iterator[Row]:
     )
     for name, sheet, config in cases:
         for alpha, off in ((0.3, 5e-4), (0.8, 2e-3)):
-            half = float(elastica.half_distance(alpha, sheet.length_m)) + off
+            half, wanted = _theory(sheet, alpha, off)
             found = settle(sheet, config, alpha, half)
-            wanted = rod.solve_symmetric(plate_stiffness(sheet), sheet.length_m, alpha, half)
             where = f"cylindrical, {name}, {alpha:g} rad"
             force, moment = wanted.end_force_n, wanted.end_moment_nm
             yield relative(f"shell force, {where}", found.force_n, force, "N", TOLERANCE)
@@ -120,8 +121,7 @@ def cylindrical_rows() -> Iterator[Row]:
 def order_rows(cells: Sequence[int] = (10, 20, 40), alpha: float = 0.8) -> Iterator[Row]:
     """Return the orders of convergence of force and moment in the number of cells along, ν = 0."""
     sheet = replace(default_sheet()[0], poisson_ratio=0.0)
-    half = float(elastica.half_distance(alpha, sheet.length_m)) + 2e-3
-    wanted = rod.solve_symmetric(plate_stiffness(sheet), sheet.length_m, alpha, half)
+    half, wanted = _theory(sheet, alpha, 2e-3)
     found = [settle(sheet, shell_config(n, 2), alpha, half) for n in cells]
     for name, values, reference in (
         ("force", [f.force_n for f in found], wanted.end_force_n),

@@ -52,17 +52,14 @@ def turn(roll: float, pitch: float, yaw: float) -> Vector:
     return np.asarray(about_z @ about_y @ about_x)
 
 
-def reference_state(
-    sheet: Sheet, left: SpaceGrip, right: SpaceGrip, *, weight: bool, in_plane: bool = False
-) -> SpaceState:
+def reference_state(sheet: Sheet, left: SpaceGrip, right: SpaceGrip, *, weight: bool) -> SpaceState:
     """Return the rod between two grips, started from the plane rod at their shadows in x and z."""
     q = sheet.weight_per_length_n_per_m if weight else 0.0
     EI, L, EA = sheet.bending_stiffness_nm2, sheet.length_m, sheet.axial_stiffness_n
     shadows = _shadow(left, 1.0), _shadow(right, -1.0)
     plane = rod.solve_planar(EI, L, *shadows, q, axial_stiffness_n=EA).left
     guess = np.array([plane.force_x_n, 0.0, plane.force_z_n, 0.0, plane.moment_nm, 0.0])
-    stiffness = RodStiffness.of(sheet, in_plane=in_plane)
-    return solve_space(stiffness, L, left, right, guess, q)
+    return solve_space(RodStiffness.of(sheet, in_plane=False), L, left, right, guess, q)
 
 
 def _shadow(grip: SpaceGrip, sign: float) -> rod.Grip:

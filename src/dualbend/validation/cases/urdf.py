@@ -13,8 +13,8 @@ from dualbend.arm.model import PUMA, arm_model
 from dualbend.arm.placement import MIN_MARGIN_RAD
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
-from dualbend.validation.cases import arm as validation_arm
-from dualbend.validation.cases import cell as validation_cell
+from dualbend.validation.cases.arm import difference_rows, table_rows
+from dualbend.validation.cases.cell import response_rows, stiffness_rows
 from dualbend.validation.cases.runs import ik_rows, moment_error
 from dualbend.validation.row import Row, absolute, at_least
 from dualbend.validation.urdf import equations_of
@@ -41,9 +41,9 @@ def arm_rows(name: str) -> Iterator[Row]:
     settings = (f'robot.model="{arm}"',)
     # What refuses the arm comes first.
     ready = {name: BendingRun(load_scenario(name, settings)) for name in EXPERIMENTS}
-    yield from validation_arm.table_rows() if arm == PUMA else model_rows(arm)
-    yield from validation_cell.response_rows(settings)
-    yield from validation_cell.stiffness_rows(settings)
+    yield from table_rows() if arm == PUMA else model_rows(arm)
+    yield from response_rows(settings)
+    yield from stiffness_rows(settings)
     for experiment, run in ready.items():
         yield from experiment_rows(experiment, run)
 
@@ -55,10 +55,8 @@ def model_rows(name: ArmName, configurations: int = 20) -> Iterator[Row]:
     low, high = np.array(arm.range_rad).T
     angles = np.random.default_rng(_SEED).uniform(low, high, (configurations, arm.count))
     model, theory = arm.spec(looks=False).compile(), equations_of(arm.urdf)
-    pairs = validation_arm.worst_differences(model, theory, arm.armature_kg_m2, angles)
-    for what, worst in pairs:
-        text = f"{name} {what}, rel. difference from the URDF"
-        yield absolute(text, worst, 0.0, "1", _MODEL_LIMIT)
+    text, limit = f"{name} {{}}, rel. difference from the URDF", _MODEL_LIMIT
+    yield from difference_rows(text, model, theory, arm.armature_kg_m2, angles, limit)
 
 
 def experiment_rows(name: str, ready: BendingRun) -> Iterator[Row]:
