@@ -3,7 +3,7 @@
 import ast
 import subprocess
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -48,6 +48,8 @@ HOMES = {
     "trimesh": "arm/meshes.py",
 }
 NO_MUJOCO = ("beam", "control", "planning")
+LARGEST_MODULE, MOST_MODULES, LARGEST_SHARE = 400, 15, 0.12
+"""Lines of a module; modules of a folder; a package's share of all lines."""
 
 
 def where(path: Path) -> str:
@@ -179,3 +181,32 @@ def test_contributing_draws_the_packages_as_they_are() -> None:
         return [[*row[:2], *row[3:]] for row in cells]
 
     assert without_lines(drawn[0]) == without_lines(house.table())
+
+
+def test_folders_are_small_and_have_no_families_of_prefixes() -> None:
+    modules = [path for path in MODULES if path.name != "__init__.py"]
+    crowded = {
+        where(folder): count
+        for folder, count in Counter(path.parent for path in modules).items()
+        if count > MOST_MODULES
+    }
+    assert not crowded
+    prefixes = Counter(
+        (where(path.parent), path.stem.split("_")[0])
+        for path in modules
+        if "_" in path.stem.strip("_")
+    )
+    assert not {key: count for key, count in prefixes.items() if count >= 3}
+
+
+def lines(path: Path) -> int:
+    return path.read_text(encoding="utf-8").count("\n")
+
+
+def test_modules_and_rooms_are_of_a_size_that_is_read() -> None:
+    assert not {where(path): lines(path) for path in MODULES if lines(path) > LARGEST_MODULE}
+    total = sum(map(lines, MODULES))
+    rooms = Counter[str]()
+    for path in INSIDE:
+        rooms[name_of(path).split(".")[0]] += lines(path)
+    assert not {room: n for room, n in rooms.items() if n > LARGEST_SHARE * total}

@@ -149,9 +149,10 @@ def test_every_table_value_arrived(model: mujoco.MjModel, i: int) -> None:
     link, joint, body = dh.PUMA560[i], model.joint(PUMA.joints[i]), model.body(f"link{i + 1}")
     np.testing.assert_allclose(joint.range, link.range_rad, rtol=1e-12)  # analytic
     assert joint.armature[0] == link.armature_kg_m2  # copied
-    # Golden: computed from the motor's values and written with five digits.
-    assert joint.damping[0] == pytest.approx(link.damping_n_m_s, rel=5e-5)
-    assert joint.frictionloss[0] == pytest.approx(link.friction_n_m, rel=5e-5)
+    # Golden: B G² and |G| (|Tc+| + |Tc-|) / 2 of the motor's values, written with five digits.
+    viscous, coulomb = link.viscous_n_m_s * link.gear**2, np.mean(np.abs(link.coulomb_n_m))
+    assert joint.damping[0] == pytest.approx(viscous, rel=5e-5)
+    assert joint.frictionloss[0] == pytest.approx(abs(link.gear) * coulomb, rel=5e-5)
     assert bool(model.jnt_actfrclimited[i])
     np.testing.assert_array_equal(
         model.jnt_actfrcrange[i], [-link.torque_limit_n_m, link.torque_limit_n_m]

@@ -11,6 +11,7 @@ from dualbend.scenario.load import load_scenario
 from dualbend.stability.margins import loop_margins
 from dualbend.stability.sampled import LoopElements, SampledLoop
 from dualbend.types import PlanarPose
+from support.state_space import simulate
 
 ALPHA_RAD = 0.3
 
@@ -29,7 +30,7 @@ def test_a_stream_of_calls_equals_the_state_space(axes: tuple[bool, bool]) -> No
     known, pose = known_sheet(scenario), PlanarPose(np.array([-0.19, 0.7, ALPHA_RAD]))
     point = admittance.point(ALPHA_RAD)
     loads = np.random.default_rng(1).standard_normal((80, 2)) * [0.01, 0.0005]
-    for load, expected in zip(loads, loop.admittance.simulate(loads), strict=True):
+    for load, expected in zip(loads, simulate(loop.admittance, loads), strict=True):
         force_x = float(point.reference[0] + load[0])
         out = admittance.comply(np.array([force_x, known.force_z_n, load[1]]), pose)
         assert out == pytest.approx(expected.tolist(), rel=1e-8, abs=1e-15)

@@ -12,8 +12,7 @@ from dualbend.beam import elastica
 from dualbend.beam.rod.tangent import sheet_tangent, sheet_wrench, solve_grips
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
-from dualbend.stability.plant.coupling import scenario_coupling
-from dualbend.stability.plant.environment import environments
+from dualbend.stability.plant.environment import environments, scenario_coupling
 from dualbend.stability.plant.equilibrium import find_equilibrium, sheet_mass
 from dualbend.stability.plant.pose import PosedArm
 

@@ -24,6 +24,7 @@ from dualbend.scenario.load import load_scenario
 from dualbend.stability.margins import loop_margins
 from dualbend.stability.mode import describe_mode
 from dualbend.stability.sampled import LoopElements, SampledLoop
+from support.state_space import simulate
 
 Vector = NDArray[np.float64]
 STEPS = 8
@@ -99,7 +100,7 @@ def test_state_space_responds_as_the_streaming_objects_do(
     expected = stream(parts, stiffness, disturbance, inertia)
     # Rounding only.
     np.testing.assert_allclose(
-        SampledLoop(parts, stiffness, inertia=inertia).closed.simulate(disturbance),
+        simulate(SampledLoop(parts, stiffness, inertia=inertia).closed, disturbance),
         expected,
         rtol=0.0,
         atol=1e-12 * np.abs(expected).max(),
@@ -111,7 +112,7 @@ def test_axis_alone_is_the_diagonal_of_the_stiffness() -> None:
     coupled = np.array([[6.0, 1.5], [2.0, 3.0]])
     disturbance = np.random.default_rng(5).normal(size=(60, 2))
     expected = stream(parts, np.diag(np.diag(coupled)), disturbance)
-    alone = SampledLoop(parts, coupled, (False, True)).closed.simulate(disturbance[:, 1:])
+    alone = simulate(SampledLoop(parts, coupled, (False, True)).closed, disturbance[:, 1:])
     # Rounding only.
     np.testing.assert_allclose(alone[:, 0], expected[:, 1], rtol=1e-11, atol=1e-15)
 

@@ -29,7 +29,7 @@ def test_the_prediction_ranks_as_the_simulation_does() -> None:
     scenario = load_scenario("tuned", ["path.end_rad=0.4", "motion.hold_s=0"])
     path = PathPrediction(scenario)
     without = path.peaks(None, path.noise(1))
-    quiet = np.zeros((path.cycles, 3))
+    quiet = np.zeros_like(path.noise(1))
     found = path.peaks(make_admittance(scenario), quiet)
     plain = peak_by_piece(BendingRun(load_scenario("fig6", ["path.end_rad=0.4"])).run())
     assert without == pytest.approx(plain, rel=1 / 6)

@@ -7,7 +7,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.beam.rod import planar as rod
+from dualbend.beam.rod.state import RodState
+from dualbend.beam.rod.tangent import follow_grips
 from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
 
@@ -15,29 +16,15 @@ Place = Literal["grip", "edge"]
 """The arms' grips, or the sheet's edges behind the pads."""
 
 
-def recorded_rods(run: RunRecord, place: Place, rows: NDArray[np.int_]) -> tuple[rod.RodState, ...]:
+def recorded_rods(run: RunRecord, place: Place, rows: NDArray[np.int_]) -> tuple[RodState, ...]:
     """Return the elastic rod's states between recorded poses (rows,), weight and stretch included.
 
     A state that was not found is not ``converged``. The rod knows no yield: where the sheet yields
     it is another sheet's.
     """
-    left, right = (
-        np.column_stack([run[f"{side}_{place}_{part}"][rows] for part in ("x", "z", "alpha")])
-        for side in SIDES
-    )
-    # The right arm's bending frame looks the other way: its x is minus the planar frame's.
-    pairs = [
-        (rod.Grip(*a), rod.Grip(-b[0], b[1], b[2]))
-        for a, b in zip(left.tolist(), right.tolist(), strict=True)
-    ]
-    sheet = run.scenario.sheet.sheet()
-    return rod.follow_planar(
-        sheet.bending_stiffness_nm2,
-        sheet.length_m,
-        pairs,
-        sheet.weight_per_length_n_per_m,
-        axial_stiffness_n=sheet.axial_stiffness_n,
-    )
+    names = [f"{side}_{place}_{part}" for side in SIDES for part in ("x", "z", "alpha")]
+    grips = np.column_stack([run[name][rows] for name in names])
+    return follow_grips(run.scenario.sheet.sheet(), grips)
 
 
 def reference_moments(result: RunRecord, place: Place, rows: NDArray[np.int_]) -> Vector:

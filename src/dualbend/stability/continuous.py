@@ -103,7 +103,9 @@ def pade(delay_s: float, order: int) -> tuple[Vector, Vector]:
     return denominator * (-1.0) ** np.arange(n, -1, -1), denominator
 
 
-def largest_stiffness(b: Vector, k: Vector, omega_rad_per_s: float, two_xi_omega: float) -> Vector:
+def largest_stiffness(
+    b: Vector | float, k: Vector | float, omega_rad_per_s: float, two_xi_omega: float
+) -> Vector:
     """Return the largest k_e that (23) allows: (c b + k)(b ω_n² + c k)/(b ω_n²) − k."""
     c, w2 = two_xi_omega, omega_rad_per_s**2
     return np.asarray((c * b + k) * (b * w2 + c * k) / (b * w2) - k)
@@ -161,7 +163,7 @@ def dead_time_s(elements: LoopElements, frequency_hz: float) -> float:
     """
     return (
         (elements.delay.cycles + 1) * COMMAND_PERIOD_S
-        + elements.age_s
+        + elements.age_steps * COMMAND_PERIOD_S / elements.response.steps
         + elements.low_pass.group_delay_s(frequency_hz)
     )
 

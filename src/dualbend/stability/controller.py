@@ -10,12 +10,7 @@ import msgspec
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import (
-    Admittance,
-    AdmittanceConfig,
-    AxisConfig,
-    ModelAdmittanceConfig,
-)
+from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.filters import LowPass
 from dualbend.stability.state_space import StateSpace, from_transfer_function, parallel, static
@@ -35,18 +30,10 @@ def controller_system(
 
         q = F gain (Λ E (slope w + O q) − E K z⁻¹ q)
 
-    Parameters
-    ----------
-    admittance
-        What runs; its last deviations and the model of its own motion are states.
-    alpha_rad
-        Where its tables are evaluated.
-    acting
-        Axes that take part; the other one's deviation is 0.
-    actuator
-        One axis from the deviation sent to position and acceleration as old as a reading.
-    low_pass
-        The filter of the model's readings.
+    ``admittance`` is what runs; its last deviations and the model of its own motion are states.
+    ``acting``: axes that take part, the other one's deviation is 0. ``actuator``: one axis from the
+    deviation sent to position and acceleration as old as a reading; ``low_pass`` filters the
+    model's readings.
     """
     point = admittance.point(alpha_rad)
     leads = parallel(
@@ -85,34 +72,13 @@ def plain_admittance(admittance: ModelAdmittance, alpha_rad: float) -> Admittanc
     The continuous formulas know no more: no prediction, no fusion, each axis by itself.
     """
     config = admittance.config
-    if config.schedule is None:
-        return Admittance(_without_model(config), period_s=COMMAND_PERIOD_S)
-    stiffness = np.diag(admittance.point(alpha_rad).stiffness)
-
-    def scaled(axis: AxisConfig | None, by: float) -> AxisConfig | None:
-        if axis is None:
-            return None
-        return msgspec.structs.replace(axis, b=axis.b * by, k=axis.k * by)
-
-    return Admittance(
-        msgspec.structs.replace(
-            _without_model(config),
-            units="si",
-            x=scaled(config.x, float(stiffness[0])),
-            rotation=scaled(config.rotation, float(stiffness[1])),
-        ),
-        period_s=COMMAND_PERIOD_S,
-    )
-
-
-def _without_model(config: ModelAdmittanceConfig) -> AdmittanceConfig:
-    return AdmittanceConfig(
-        sensing=config.sensing,
-        complying=config.complying,
-        x=config.x,
-        rotation=config.rotation,
-        units="paper" if config.units == "paper" else "si",
-        limit_x_m=config.limit_x_m,
-        limit_rotation_rad=config.limit_rotation_rad,
-        tare=config.tare,
-    )
+    plain = {name: getattr(config, name) for name in AdmittanceConfig.__struct_fields__}
+    plain["units"] = "paper" if config.units == "paper" else "si"
+    if config.schedule is not None:
+        plain["units"] = "si"
+        stiffness = np.diag(admittance.point(alpha_rad).stiffness).tolist()
+        for name, by in zip(("x", "rotation"), stiffness, strict=True):
+            axis: AxisConfig | None = plain[name]
+            if axis is not None:
+                plain[name] = msgspec.structs.replace(axis, b=axis.b * by, k=axis.k * by)
+    return Admittance(AdmittanceConfig(**plain), period_s=COMMAND_PERIOD_S)

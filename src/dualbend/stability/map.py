@@ -102,21 +102,19 @@ def _panel(
     shown = [
         rows[i] for i in sorted({round(i) for i in np.linspace(0, len(rows) - 1, SHOWN_ANGLES)})
     ]
+    filters, sampled = _filters(config, axis, factors), {}
     at = environments(scenario, [row.alpha_rad for row in shown])
     # The stiffness, but not the mode, is that of the scenario's gains.
-    responses = {
-        row.alpha_rad: environment_loops(elements, e, (axis == "x", axis == "rotation"))[
-            row.moving
-        ].wrench_response(Z_INVERSE)[:, 0, 0]
-        for row, e in zip(shown, at, strict=True)
-    }
-    filters = _filters(config, axis, factors)
+    for row, e in zip(shown, at, strict=True):
+        loop = environment_loops(elements, e, (axis == "x", axis == "rotation"))[row.moving]
+        response = loop.wrench_response(Z_INVERSE)[:, 0, 0]
+        sampled[row.alpha_rad] = _gain_margins(response, *filters)
     return Panel(
         axis=axis,
         units=gain_units(config, axis),
         b=b,
         k=k,
-        sampled={alpha: _gain_margins(response, *filters) for alpha, response in responses.items()},
+        sampled=sampled,
         paper=largest_stiffness(
             b[:, np.newaxis] * factor,
             k[np.newaxis] * factor,

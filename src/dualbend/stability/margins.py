@@ -85,22 +85,16 @@ def _gain(frequency_hz: Vector, loci: ComplexVector) -> tuple[float, float]:
     found = [(0.0, math.nan)]
     for locus in loci.T:
         before, part = _crossings(locus.imag)
-        points = [
-            (-float(v.real), float(f.real))
-            for v, f in zip(
-                _between(locus, before, part), _between(frequency_hz, before, part), strict=True
-            )
-        ]
+        crossed, at = (_between(v, before, part).real for v in (-locus, frequency_hz))
+        found += zip(crossed.tolist(), at.tolist(), strict=True)
         # At standstill and at the Nyquist frequency a sampled locus is real anyway.
-        ends = [(-float(locus[i].real), float(frequency_hz[i])) for i in (0, -1)]
-        real = [e for e, i in zip(ends, (0, -1), strict=True) if _is_real(locus[i])]
-        found += [p for p in points + real if p[0] > 0.0]
+        found += [
+            (-float(locus[i].real), float(frequency_hz[i]))
+            for i in (0, -1)
+            if abs(locus[i].imag) <= 1e-9 * abs(locus[i])
+        ]
     reach, crossover = max(found)
     return (1.0 / reach, crossover) if reach > 0.0 else (math.inf, math.nan)
-
-
-def _is_real(value: complex) -> bool:
-    return abs(value.imag) <= 1e-9 * abs(value)
 
 
 def _phase(frequency_hz: Vector, loci: ComplexVector, *, stable: bool) -> tuple[float, float]:

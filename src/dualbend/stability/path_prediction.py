@@ -135,8 +135,3 @@ class PathPrediction:
             now.send(deviation)
             read.send(deviation)
         return moments
-
-    @property
-    def cycles(self) -> int:
-        """Number of command cycles of the motion."""
-        return len(self._pose)

@@ -87,11 +87,6 @@ class LoopElements:
             return self
         return replace(self, admittance=plain_admittance(self.admittance, alpha_rad))
 
-    @property
-    def age_s(self) -> float:
-        """Age of a reading [s]."""
-        return self.age_steps * COMMAND_PERIOD_S / self.response.steps
-
     def axis(self, name: Literal["x", "rotation"]) -> AdmittanceAxis:
         """Return the filter of an axis; InputError where it is off."""
         part: AdmittanceAxis | None = getattr(self.admittance, name)
@@ -132,28 +127,15 @@ class SampledLoop:
 
     ``closed`` is its state space, from a wrench added to the readings to the deviations.
 
-    Parameters
-    ----------
-    elements
-        What runs.
-    stiffness : (2, 2)
-        K: horizontal force and moment about y that the sensing arm loses per δx and δα, positive
-        where the sheet pushes back [[N/m, N/rad], [N, N m/rad]].
-    acting
-        Whether x and rotation take part.
-    inertia : (2, 2)
-        M of the tool beyond the sensor, which the reading cannot tell from the sheet: the wrench
-        read is −K q − M q̈ [[kg, kg m], [kg m, kg m²]]. None: no tool.
-    arm
-        The arm that moves, with its own stiffness and inertia, which then count instead of K and
-        M. None: the arm does exactly what the robot's response says.
-    alpha_rad
-        Bending angle at which an admittance with a model is; not asked for without one.
+    ``stiffness`` (2, 2), K: horizontal force and moment about y that the sensing arm loses per δx
+    and δα, positive where the sheet pushes back [[N/m, N/rad], [N, N m/rad]]. ``acting``: whether
+    x and rotation take part. ``inertia`` (2, 2), M of the tool beyond the sensor, which the reading
+    cannot tell from the sheet: the wrench read is −K q − M q̈ [[kg, kg m], [kg m, kg m²]]; None: no
+    tool. ``arm`` moves with its own stiffness and inertia instead of K and M; None: the arm does
+    exactly what the robot's response says. ``alpha_rad``: the bending angle that an admittance with
+    a model is asked for.
 
-    Raises
-    ------
-    InputError
-        No axis takes part, or K is not a finite (2, 2) matrix.
+    Raises InputError where no axis takes part, or K is not a finite (2, 2) matrix.
     """
 
     def __init__(

@@ -50,14 +50,6 @@ class StateSpace:
             d=self.d,
         )
 
-    def simulate(self, inputs: Vector) -> Vector:
-        """Return the outputs (n, outputs) to inputs (n, inputs) from rest, cycle by cycle."""
-        state, out = np.zeros(self.a.shape[0]), np.empty((len(inputs), self.c.shape[0]))
-        for cycle, given in enumerate(inputs):
-            out[cycle] = self.c @ state + self.d @ given
-            state = self.a @ state + self.b @ given
-        return out
-
     @property
     def dominant_pole(self) -> complex:
         """The eigenvalue of A with the largest magnitude; 0 of a system without states."""

@@ -56,6 +56,9 @@ class Margin(msgspec.Struct, frozen=True, kw_only=True):
         return self.gain_db >= required.gain_db and self.phase_deg >= required.phase_deg
 
 
+_UNSTABLE = Margin(gain_db=-math.inf, phase_deg=-math.inf)
+
+
 class Candidate(msgspec.Struct, frozen=True, kw_only=True):
     """Gains, their margins and the predicted peaks of the pieces [N m], means over the seeds."""
 
@@ -110,18 +113,19 @@ def tune(
     tuned = msgspec.structs.replace(
         start, name=f"{scenario.name}-tuned", compliance=found.compliance
     )
-    rows = predict(tuned).rows
-    stable = all(row.stable for row in rows)
+    rows, verified = predict(tuned).rows, _UNSTABLE
+    if all(row.stable for row in rows):
+        verified = Margin(
+            gain_db=min(row.gain_margin_db for row in rows),
+            phase_deg=min(row.phase_margin_deg for row in rows),
+        )
     return Tuning(
         scenario=tuned,
         found=found,
         tried=search.tried,
         without=tuple(search.path.peaks(None, search.noises[0]).tolist()),
         simulated=tuple(_simulated(tuned, seed) for seed in seeds),
-        verified=Margin(
-            gain_db=min(row.gain_margin_db for row in rows) if stable else -math.inf,
-            phase_deg=min(row.phase_margin_deg for row in rows) if stable else -math.inf,
-        ),
+        verified=verified,
     )
 
 
@@ -198,7 +202,7 @@ def min_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
             continue
         for loop in environment_loops(elements, at, acting).values():
             if not (loop.mode().stable and loop.controller_stable):
-                return Margin(gain_db=-math.inf, phase_deg=-math.inf)
+                return _UNSTABLE
             found = loop_margins(loop, stable=True)
             gain, phase = min(gain, found.gain_db), min(phase, math.degrees(found.phase_rad))
     return Margin(gain_db=gain, phase_deg=phase)

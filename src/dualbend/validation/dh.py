@@ -51,16 +51,6 @@ class DhLink:
         rows = [[1.0, 0.0, 0.0, self.a_m], [0.0, c, -s, 0.0], [0.0, s, c, self.d_m]]
         return np.array([*rows, [0.0, 0.0, 0.0, 1.0]])
 
-    @property
-    def damping_n_m_s(self) -> float:
-        """Viscous friction at the joint, B G² [N m s/rad]."""
-        return self.viscous_n_m_s * self.gear**2
-
-    @property
-    def friction_n_m(self) -> float:
-        """Coulomb friction at the joint, |G| (|Tc+| + |Tc-|) / 2 [N m]."""
-        return abs(self.gear) * sum(abs(t) for t in self.coulomb_n_m) / 2.0
-
 
 def _degrees(low: float, high: float) -> tuple[float, float]:
     return math.radians(low), math.radians(high)

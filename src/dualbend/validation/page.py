@@ -33,16 +33,13 @@ def validation_page(rows: Sequence[Row], versions: Mapping[str, str]) -> str:
         *("", "what", "measured", "reference", "unit"),
         *(Column("error", format=".2g"), Column("allowed", format=".2g")),
     )
-    return "\n".join([head, Table(columns, [_cells(row) for row in rows]).markdown(), ""])
-
-
-def _cells(row: Row) -> tuple[str | float, ...]:
-    return (
-        "pass" if row.passed else "**FAIL**",
-        row.name,
-        row.measured,
-        row.reference,
-        "" if row.unit == "1" else row.unit,
-        row.error,
-        row.tolerance,
-    )
+    cells = [
+        (
+            "pass" if row.passed else "**FAIL**",
+            *(row.name, row.measured, row.reference),
+            "" if row.unit == "1" else row.unit,
+            *(row.error, row.tolerance),
+        )
+        for row in rows
+    ]
+    return "\n".join([head, Table(columns, cells).markdown(), ""])

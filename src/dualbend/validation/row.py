@@ -62,13 +62,13 @@ def absolute(name: str, measured: float, reference: float, unit: str, tolerance:
 
 def at_most(name: str, measured: float, bound: float, unit: str) -> Row:
     """Return the row of a measured quantity that must not exceed a bound."""
-    excess = math.nan if math.isnan(measured) else max(0.0, measured - bound)
+    excess = np.maximum(0.0, measured - bound)
     return _row(f"{name} (at most)", measured, bound, unit, excess, 0.0)
 
 
 def at_least(name: str, measured: float, bound: float, unit: str) -> Row:
     """Return the row of a measured quantity that must reach a bound."""
-    missing = math.nan if math.isnan(measured) else max(0.0, bound - measured)
+    missing = np.maximum(0.0, bound - measured)
     return _row(f"{name} (at least)", measured, bound, unit, missing, 0.0)
 
 

@@ -7,17 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from dualbend.validation.cases import (
-    arm,
-    assembly,
-    cell,
-    material,
-    modes,
-    runs,
-    sheet,
-    space,
-    urdf,
-)
+from dualbend.validation.cases import arm, assembly, cell, material, modes, runs, sheet, space, urdf
 from dualbend.validation.cases import shell as plate
 from dualbend.validation.row import Row
 
@@ -37,10 +27,7 @@ def run_validation(
 def run_arm_validation(name: str, on_row: Callable[[Row], None] | None = None) -> list[Row]:
     """Return the rows of one arm, as :func:`run_validation` does. Takes 30 s on one core.
 
-    Raises
-    ------
-    InputError
-        No such arm, or it cannot do the paper's experiment: nothing can be measured then.
+    Raises InputError where there is no such arm, or it cannot do the paper's experiment.
     """
     return _collect(urdf.arm_rows(name), on_row)
 
@@ -56,7 +43,7 @@ def _collect(found: Iterator[Row], on_row: Callable[[Row], None] | None) -> list
 
 def _rows() -> Iterator[Row]:
     yield from sheet.load_rows()
-    yield sheet.order_row()
+    yield sheet.order_row("sheet force", sheet.convergence_order())
     yield from material.laminate_rows()
     yield from material.springback_rows()
     yield from modes.frequency_rows()

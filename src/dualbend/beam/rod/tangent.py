@@ -47,12 +47,19 @@ def sheet_wrench(state: RodState) -> Vector:
 
 def solve_grips(sheet: Sheet, grips: Vector, guess: RodState | None = None) -> RodState:
     """Return the state of the sheet with weight between grips (6,) in their bending frames."""
-    x, z, alpha, x_right, z_right, alpha_right = grips.tolist()
-    return rod.solve_planar(
+    return follow_grips(sheet, grips[np.newaxis], guess)[0]
+
+
+def follow_grips(
+    sheet: Sheet, grips: Vector, guess: RodState | None = None
+) -> tuple[RodState, ...]:
+    """Return the states of the sheet with weight between grips (n, 6), each from the previous."""
+    # The right arm's bending frame looks the other way: its x is minus the planar frame's.
+    pairs = ((tuple(row[:3]), (-row[3], row[4], row[5])) for row in grips.tolist())
+    return rod.follow_planar(
         sheet.bending_stiffness_nm2,
         sheet.length_m,
-        (x, z, alpha),
-        (-x_right, z_right, alpha_right),
+        pairs,
         sheet.weight_per_length_n_per_m,
         guess,
         sheet.axial_stiffness_n,

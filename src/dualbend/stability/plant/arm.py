@@ -94,7 +94,9 @@ class CompliantArm:
             a=end[:, :states], b=end[:, states:], c=wrench[:, :states], d=wrench[:, states:]
         ), cycles
 
-    def _stepper(self, step_s: float, asked: Vector) -> _Advance:
+    def _stepper(
+        self, step_s: float, asked: Vector
+    ) -> Callable[[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]:
         """Return the physics step: joints, speeds and references to new joints, speeds, q̈."""
         joints = self.joints
         jacobian = joints.jacobian
@@ -110,9 +112,6 @@ class CompliantArm:
             return q + step_s * speed, speed, (speed - v) / step_s
 
         return advance
-
-
-_Advance = Callable[[Vector, Vector, Vector], tuple[Vector, Vector, Vector]]
 
 
 def _reference(response: CommandResponse) -> Vector:

@@ -5,27 +5,24 @@ Coordinates of both grips are those of `dualbend.mechanics.coupling`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
 
+from dualbend.arm.mjcf import LEVER_ARM_M
 from dualbend.beam import elastica
 from dualbend.beam.rod.tangent import sheet_tangent
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.errors import refusing
 from dualbend.mechanics.compliance import series_stiffness
-from dualbend.mechanics.coupling import Coupling, ModeName
+from dualbend.mechanics.coupling import Coupling, ModeName, deviation_angle
 from dualbend.run.known_sheet import make_admittance, zero_moment
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.plant.arm import CompliantArm, Joints
-from dualbend.stability.plant.coupling import scenario_coupling
-from dualbend.stability.plant.equilibrium import (
-    Equilibrium,
-    find_equilibrium,
-    sheet_mass,
-)
+from dualbend.stability.plant.equilibrium import Equilibrium, find_equilibrium, sheet_mass
 from dualbend.stability.plant.pose import PosedArm
 from dualbend.types import Vector
 
@@ -124,6 +121,24 @@ def _arms(
         )
         for mode, (own, response) in coupling.modes(stiffness).items()
     }
+
+
+def scenario_coupling(scenario: Scenario, alpha_rad: float) -> Coupling:
+    """Return the coupling that ComplianceController makes at one bending angle.
+
+    A lever arm that is believed wrongly mixes forces into the moment.
+    """
+    error = LEVER_ARM_M - scenario.sensor.lever_arm_m
+    c, s = math.cos(alpha_rad), math.sin(alpha_rad)
+    reference = scenario.compliance.reference
+    # A vertical force that is known is not read: its lever arm's moment is missing.
+    known = scenario.sensor.lever_arm_m if reference and reference.known_weight else 0.0
+    return Coupling.between(
+        scenario.compliance.sensing,
+        scenario.compliance.complying,
+        deviation_angle(scenario.robot.alter.mode, alpha_rad, scenario.path.start_rad),
+        np.array([[1.0, 0.0, 0.0], [-error * s, -(error + known) * c, 1.0]]),
+    )
 
 
 def _static_compliance(scenario: Scenario, alpha_rad: float) -> Vector:

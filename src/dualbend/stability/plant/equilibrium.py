@@ -74,26 +74,14 @@ def find_equilibrium(
 ) -> Equilibrium:
     """Solve q = q_nominal + C F(q) by Newton's method, (1 + C K) Δq = q_nominal + C F − q.
 
-    Parameters
-    ----------
-    sheet
-        With its weight and its stretch.
-    nominal : (6,)
-        Commanded grips in their bending frames [m, m, rad].
-    compliance : (6, 6)
-        Of arms, grasps and admittance per wrench on the arms.
-    guess
-        A state nearby.
-
-    Returns
-    -------
-    Equilibrium
-        The nominal grips with ``settled`` False where no equilibrium was found.
+    ``nominal`` (6,): commanded grips in their bending frames [m, m, rad]; ``compliance`` (6, 6) of
+    arms, grasps and admittance per wrench on the arms; ``guess``: a state nearby. The sheet has
+    weight and stretch. Where no equilibrium is found, it is the nominal grips, not ``settled``.
     """
-    start = solve_grips(sheet, nominal, guess)
-    grips, state = nominal, start
+    state = solve_grips(sheet, nominal, guess)
+    grips, unsettled = nominal, Equilibrium(grips=nominal, state=state, settled=False)
     if not state.converged:
-        return Equilibrium(grips=nominal, state=start, settled=False)
+        return unsettled
     error = _gap(nominal, compliance, grips, state)
     for _ in range(_ITERATIONS):
         if np.abs(error).max() < _FOUND:
@@ -110,7 +98,7 @@ def find_equilibrium(
             step = step / 2.0
         else:
             break
-    return Equilibrium(grips=nominal, state=start, settled=False)
+    return unsettled
 
 
 def _gap(nominal: Vector, compliance: Vector, grips: Vector, state: RodState) -> Vector:

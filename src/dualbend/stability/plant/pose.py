@@ -22,17 +22,8 @@ _MOVED = 1e-6
 class PosedArm(ArmCompliance):
     """A scenario's left arm with its servos, at one pose after another.
 
-    Parameters
-    ----------
-    scenario
-        Gives the cell, the servos and the grasp.
-    home : (3,)
-        x, z [m], α [rad] of the grips where the servos' feed-forward was set: the path's start.
-
-    Raises
-    ------
-    InputError
-        A pose is out of reach.
+    ``home`` (3,): x, z [m], α [rad] of the grips where the servos' feed-forward was set, the path's
+    start. Raises InputError where a pose is out of reach.
     """
 
     def __init__(self, scenario: Scenario, home: Vector) -> None:

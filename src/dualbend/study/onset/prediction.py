@@ -9,18 +9,17 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.mechanics.coupling import ModeName
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.continuous import delayed_loop, largest_stiffness
-from dualbend.stability.margins import FREQUENCIES_HZ, Z_INVERSE, margins
+from dualbend.stability.continuous import delayed_loop, largest_stiffness, paper_loop
+from dualbend.stability.margins import loop_margins
 from dualbend.stability.mode import Mode
-from dualbend.stability.plant.environment import Environment, environments
-from dualbend.stability.sampled import LoopElements, SampledLoop
+from dualbend.stability.plant.environment import environments
+from dualbend.stability.sampled import LoopElements, SampledLoop, environment_loops
 from dualbend.study.onset.held import SingleAxis, held
+from dualbend.types import Vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,15 +49,15 @@ class RayLoop:
         self, scenario: Scenario, axis: SingleAxis, alpha_rad: float, ratio_per_s: float
     ) -> None:
         given = scenario.compliance.x if axis == "x" else scenario.compliance.rotation
-        self._scenario, self._axis, self._alpha, self._ratio = (
-            scenario,
-            axis,
-            alpha_rad,
-            ratio_per_s,
-        )
+        self._scenario, self._axis = scenario, axis
+        self._alpha, self._ratio = alpha_rad, ratio_per_s
         self.b = given.b if given is not None else 1.0
         # Tared, so that the state does not depend on the gains.
-        (self.environment,) = environments(self.held(self.b), [alpha_rad])
+        (at,) = environments(self.held(self.b), [alpha_rad])
+        ways: dict[ModeName, Vector] = {
+            way: loop for way, loop in at.loops.items() if way != "antisymmetric"
+        }
+        self._environment = replace(at, loops=ways)
         self._elements = LoopElements.from_scenario(self.held(self.b))
 
     def on(self, ratio_per_s: float) -> RayLoop:
@@ -73,34 +72,24 @@ class RayLoop:
 
     def mode(self, b: float) -> Mode:
         """Return the dominant mode of the sampled loop at this b."""
-        return max(
-            (loop.mode() for loop in self._loops(b).values()),
-            key=lambda mode: mode.spectral_radius,
-        )
+        modes = [loop.mode() for loop in self._loops(b)]
+        return max(modes, key=lambda mode: mode.spectral_radius)
 
     def predict(self) -> RayPrediction:
         """Return what the analyses say of the ray."""
-        at, b = self.environment, self.b
-        elements = self._with(b)
-        loops = self._loops(b)
-        margin = {
-            name: margins(FREQUENCIES_HZ, loop.open_loop(Z_INVERSE)[:, :, 0], stable=True).gain
-            for name, loop in loops.items()
-        }
-        name = min(margin, key=lambda name: margin[name])
-        sampled = b / margin[name]
+        b, elements = self.b, self._with(self.b)
+        margin = [loop_margins(loop, stable=True).gain for loop in self._loops(b)]
+        least = min(margin)
+        sampled = b / least
         frequency = self.mode(sampled).frequency_hz
-        stiffness = _stiffness(at, name, self._axis)
-        delayed = delayed_loop(elements, self._axis, stiffness, max(frequency, 0.1)).margins().gain
-        damping, spring = elements.damping_and_stiffness(self._axis)
-        response = elements.response.config
-        omega = 2.0 * np.pi * response.natural_frequency_hz
-        allowed = largest_stiffness(
-            np.array(damping), np.array(spring), omega, 2.0 * response.damping_ratio * omega
-        )
+        index = 0 if self._axis == "x" else 1
+        stiffness = list(self._environment.loops.values())[margin.index(least)][index, index]
+        paper = paper_loop(elements, self._axis, float(stiffness))
+        allowed = largest_stiffness(paper.b, paper.k, paper.omega_rad_per_s, paper.two_xi_omega)
+        delayed = delayed_loop(elements, self._axis, float(stiffness), max(frequency, 0.1))
         return RayPrediction(
-            paper=b * stiffness / float(allowed),
-            delayed=b / delayed,
+            paper=b * paper.stiffness / float(allowed),
+            delayed=b / delayed.margins().gain,
             sampled=sampled,
             frequency_hz=frequency,
         )
@@ -109,15 +98,6 @@ class RayLoop:
         admittance = Admittance(self.held(b).compliance, period_s=COMMAND_PERIOD_S)
         return replace(self._elements, admittance=admittance)
 
-    def _loops(self, b: float) -> dict[ModeName, SampledLoop]:
-        elements, at = self._with(b), self.environment
+    def _loops(self, b: float) -> list[SampledLoop]:
         acting = (self._axis == "x", self._axis == "rotation")
-        return {
-            way: SampledLoop(elements, stiffness, acting, at.inertia, at.arms[way])
-            for way, stiffness in at.loops.items()
-            if way != "antisymmetric"
-        }
-
-
-def _stiffness(at: Environment, name: ModeName, axis: SingleAxis) -> float:
-    return float(at.loops[name][(0, 0) if axis == "x" else (1, 1)])
+        return list(environment_loops(self._with(b), self._environment, acting).values())

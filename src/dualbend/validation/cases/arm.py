@@ -46,14 +46,19 @@ def table_rows(configurations: int = 30) -> Iterator[Row]:
     """Compare flange pose, gravity torques and mass matrix with the table's equations."""
     model, armature = arm.load_puma().compile(), [row.armature_kg_m2 for row in dh.PUMA560]
     angles = random_configurations(configurations)
-    for what, worst in worst_differences(model, dh.puma(), armature, angles):
-        yield absolute(f"arm {what}, rel. difference from the DH table", worst, 0.0, "1", 1e-6)
+    name = "arm {}, rel. difference from the DH table"
+    yield from difference_rows(name, model, dh.puma(), armature, angles, 1e-6)
 
 
-def worst_differences(
-    model: mujoco.MjModel, reference: SerialArm, armature_kg_m2: Sequence[float], angles: Vector
-) -> Iterator[tuple[str, float]]:
-    """Yield three quantities by name and how far model and equations are apart over angles (k, n).
+def difference_rows(
+    name: str,
+    model: mujoco.MjModel,
+    reference: SerialArm,
+    armature_kg_m2: Sequence[float],
+    angles: Vector,
+    limit: float,
+) -> Iterator[Row]:
+    """Compare three quantities, filled into the name, of model and equations over angles (k, n).
 
     The worst relative difference: its largest |entry| over the largest |entry| of the equations'.
     """
@@ -64,27 +69,15 @@ def worst_differences(
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, inertia)
         flange = data.site(arm.FLANGE_SITE)
+        pose = np.column_stack([flange.xmat.reshape(3, 3), flange.xpos])
         pairs: tuple[tuple[Vector, Vector], ...] = (
-            (
-                np.column_stack([flange.xmat.reshape(3, 3), flange.xpos]),
-                reference.flange_pose(q)[:3],
-            ),
+            (pose, reference.flange_pose(q)[:3]),
             (data.qfrc_bias, reference.gravity_torque(q)),
             (inertia, reference.mass_matrix(q) + np.diag(armature_kg_m2)),
         )
         worst = np.maximum(worst, [np.abs(a - b).max() / np.abs(b).max() for a, b in pairs])
-    return zip(("flange pose", "gravity torque", "mass matrix"), worst.tolist(), strict=True)
-
-
-def wrench_chain(model: mujoco.MjModel, sensor: ForceTorqueConfig) -> WrenchChain:
-    """Return the chain of one arm that knows the tool of ``model``; no low-pass."""
-    mass, centre = tool_mass_and_centre(model, _SIDE)
-    return WrenchChain(
-        Sensor(sensor, np.random.default_rng(_SEED)),
-        ToolGravityCompensation(mass, centre),
-        LowPass(NoFilterConfig(), period_s=COMMAND_PERIOD_S),
-        np.eye(3),
-    )
+    for what, found in zip(("flange pose", "gravity torque", "mass matrix"), worst, strict=True):
+        yield absolute(name.format(what), found, 0.0, "1", limit)
 
 
 def held_weight_errors(sensor: ForceTorqueConfig, poses: int = 10) -> tuple[float, float]:
@@ -96,7 +89,12 @@ def held_weight_errors(sensor: ForceTorqueConfig, poses: int = 10) -> tuple[floa
     """
     arms = paper_pair()
     spec = robots_only(arms)
-    chain = wrench_chain(spec.copy().compile(), sensor)
+    chain = WrenchChain(
+        Sensor(sensor, np.random.default_rng(_SEED)),
+        ToolGravityCompensation(*tool_mass_and_centre(spec.copy().compile(), _SIDE)),
+        LowPass(NoFilterConfig(), period_s=COMMAND_PERIOD_S),
+        np.eye(3),
+    )
     centre = np.array(PAYLOAD_GRIP_M)
     load = spec.body(f"{_SIDE}_hand").add_body(name="load", explicitinertial=True)
     load.mass, load.inertia = PAYLOAD_KG, [1e-4, 1e-4, 1e-4]
@@ -116,11 +114,9 @@ def held_weight_errors(sensor: ForceTorqueConfig, poses: int = 10) -> tuple[floa
         sample = chain.update(wrench, rotation)
         upward = data.site(f"{_SIDE}_{arm.GRIP_SITE}").xmat.reshape(3, 3)[2]
         weight = -PAYLOAD_KG * GRAVITY_M_PER_S2 * upward
-        difference = (
-            sample.raw.force_n - weight,
-            sample.raw.torque_nm - np.cross(centre, weight),
-        )
-        errors.append([np.linalg.norm(d) for d in difference])
+        wanted = weight, np.cross(centre, weight)
+        found = sample.raw.force_n, sample.raw.torque_nm
+        errors.append([np.linalg.norm(a - b) for a, b in zip(found, wanted, strict=True)])
     worst_force, worst_torque = np.max(errors, axis=0)
     return float(worst_force), float(worst_torque)
 

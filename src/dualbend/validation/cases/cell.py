@@ -38,35 +38,21 @@ _PUSH_N, _PUSH_NM = 20.0, 4.0
 
 
 class HeldCell:
-    """A scenario's cell whose grips are commanded by hand, without compliance.
+    """The cell of fig6, ``settings`` changed, whose grips are commanded by hand; no compliance.
 
-    Parameters
-    ----------
-    alpha_rad
-        Bending angle of the zero-moment pose in which it starts.
-    scenario_name
-        Shipped scenario that it is composed from.
-    settings
-        Keys of it that are changed.
-    dry_friction
-        Keep the arm joints' Coulomb friction.
+    It starts in the zero-moment pose of a bending angle. ``dry_friction`` keeps the arm joints'
+    Coulomb friction.
     """
 
     def __init__(
-        self,
-        alpha_rad: float,
-        scenario_name: str = "fig6",
-        settings: Sequence[str] = (),
-        *,
-        dry_friction: bool = True,
+        self, alpha_rad: float, settings: Sequence[str] = (), *, dry_friction: bool = True
     ) -> None:
-        self.scenario = scenario = load_scenario(scenario_name, settings)
+        self.scenario = scenario = load_scenario("fig6", settings)
         length, height = scenario.sheet.length_m, scenario.cell.sheet_height_m
         x, rise = elastica.half_distance(alpha_rad, length), elastica.rise(alpha_rad, length)
         self.pose = np.array([-x, height + rise, alpha_rad])
         self._cell = RobotCell(scenario, self.pose)
-        self.simulation = self._cell.simulation
-        self.model = self.simulation.model
+        self.simulation, self.model = self._cell.simulation, self._cell.simulation.model
         self.arms, self.servo = self._cell.arms, self._cell.servo
         joints = [self.model.joint(name) for name in self.simulation.joints]
         self.dof = np.array([joint.dofadr[0] for joint in joints])
@@ -127,10 +113,9 @@ def response_rows(settings: Sequence[str] = ()) -> Iterator[Row]:
     """Compare the left end effector's identified ω_n and ξ with the configured ones."""
     for i, (name, _, _) in enumerate(DIRECTIONS):
         omega, ratio, wanted = identify_response(i, settings)
-        frequency = omega / (2.0 * np.pi)
-        where = f"of the end effector in {name}"
-        configured = wanted.natural_frequency_hz
-        yield relative(f"natural frequency {where}", frequency, configured, "Hz", 0.05)
+        where, configured = f"of the end effector in {name}", wanted.natural_frequency_hz
+        found = omega / (2.0 * np.pi)
+        yield relative(f"natural frequency {where}", found, configured, "Hz", 0.05)
         yield relative(f"damping ratio {where}", ratio, wanted.damping_ratio, "1", 0.05)
 
 
@@ -152,11 +137,8 @@ def stiffness_rows(settings: Sequence[str] = ()) -> Iterator[Row]:
         _push_left_grip(cell, np.zeros(6))
         load = push + after.wrench[0] - before.wrench[0]
         moved = (after.grip - before.grip)[0, _GRIP_PLANE[i]]
-        expected = (compliance @ load)[PLANE[i]]
-        size = push[PLANE[i]]
-        yield relative(
-            f"static end-point stiffness in {name}", size / moved, size / expected, unit, 0.05
-        )
+        found, wanted = push[PLANE[i]] / [moved, (compliance @ load)[PLANE[i]]]
+        yield relative(f"static end-point stiffness in {name}", found, wanted, unit, 0.05)
 
 
 def _compliance(cell: HeldCell) -> Vector:

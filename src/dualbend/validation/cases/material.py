@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -31,7 +32,7 @@ from dualbend.validation.cases.sheet import reference_loads, settled_loads
 from dualbend.validation.row import Row, relative
 
 SCENARIO = "springback"
-_LENGTH_M, _WIDTH_M, _THICKNESS_M = 0.3, 0.05, 1e-3
+_STRIP, _THICKNESS_M = partial(Sheet, length_m=0.3, width_m=0.05), 1e-3
 _DAMPING, _STEP_S, _TURN_S, _REST_S = 0.3, 5e-4, 1.0, 2.0
 _GENTLE = 10.0
 _RATIOS = (1.5, 2.0, 3.0, 6.0)
@@ -49,9 +50,7 @@ class Springback:
 
 def yielding_sheet(material: Material) -> Sheet:
     """Return the strip of one material that is bent here."""
-    return Sheet(
-        length_m=_LENGTH_M,
-        width_m=_WIDTH_M,
+    return _STRIP(
         thickness_m=_THICKNESS_M,
         young_pa=material.young_pa,
         poisson_ratio=material.mean_poisson,
@@ -64,9 +63,7 @@ def clad_sheet() -> tuple[Sheet, Laminate]:
     """Return a copper-clad FR-4 strip that yields, and its layers."""
     foil, core = find_material("copper-foil"), find_material("FR-4")
     whole = stack([(foil, 35e-6), (core, 0.4e-3), (foil, 35e-6)])
-    sheet = Sheet(
-        length_m=_LENGTH_M,
-        width_m=_WIDTH_M,
+    sheet = _STRIP(
         thickness_m=whole.thickness_m,
         young_pa=12.0 * whole.bending_per_width_nm / whole.thickness_m**3,
         poisson_ratio=0.3,  # of the twist, which there is none of

@@ -42,9 +42,14 @@ def residual_rows(runs: Mapping[str, RunRecord]) -> Iterator[Row]:
     """Check how all runs end, and how far the solved joint angles miss the commanded poses."""
     unexpected = sum(not run.expected for run in runs.values())
     yield absolute("shipped scenarios that end unexpectedly", unexpected, 0.0, "1", 0.0)
-    worst = np.max([ik_residuals(run) for run in runs.values()], axis=0)
-    yield absolute("IK residual, all shipped scenarios, position", worst[0], 0.0, "m", IK_LIMIT)
-    yield absolute("IK residual, all shipped scenarios, rotation", worst[1], 0.0, "rad", IK_LIMIT)
+    yield from ik_rows("IK residual, all shipped scenarios", *runs.values())
+
+
+def ik_rows(name: str, *runs: RunRecord) -> Iterator[Row]:
+    """Check the largest misses of all grips of some runs."""
+    worst = np.max([ik_residuals(run) for run in runs], axis=0)
+    for part, miss, unit in zip(("position", "rotation"), worst, ("m", "rad"), strict=True):
+        yield absolute(f"{name}, {part}", miss, 0.0, unit, IK_LIMIT)
 
 
 def ik_residuals(run: RunRecord) -> tuple[float, float]:

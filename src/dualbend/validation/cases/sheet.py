@@ -126,10 +126,14 @@ def convergence_order(hinges: Sequence[int] = (10, 20, 40), points: int = 4) -> 
     alphas = np.linspace(0.4, LAST_SLOPE_RAD, points)
     wanted = reference_loads(sheet, path, alphas, weight=False).force_n
     found = [settled_loads(sheet, n, path, alphas, weight=False).force_n for n in hinges]
-    errors = np.sqrt(np.mean((np.array(found) - wanted) ** 2, axis=1))
-    return -float(np.polyfit(np.log(hinges), np.log(errors), 1)[0])
+    return fitted_order(hinges, np.sqrt(np.mean((np.array(found) - wanted) ** 2, axis=1)))
 
 
-def order_row() -> Row:
-    """Return the observed order of convergence in N: 2 by design, at least 1.8 is asked for."""
-    return at_least("sheet force, order of convergence in N", convergence_order(), 1.8, "1")
+def fitted_order(divisions: Sequence[int], errors: Vector) -> float:
+    """Return the order p of errors ~ N⁻ᵖ, by a fit over N."""
+    return -float(np.polyfit(np.log(divisions), np.log(errors), 1)[0])
+
+
+def order_row(what: str, order: float) -> Row:
+    """Return the row of an order of convergence in N: 2 by design, at least 1.8 is asked for."""
+    return at_least(f"{what}, order of convergence in N", order, 1.8, "1")

@@ -52,28 +52,14 @@ def turn(roll: float, pitch: float, yaw: float) -> Vector:
     return np.asarray(about_z @ about_y @ about_x)
 
 
-def reference_state(
-    sheet: Sheet,
-    left: SpaceGrip,
-    right: SpaceGrip,
-    *,
-    weight: bool,
-    in_plane: bool = False,
-) -> SpaceState:
+def reference_state(sheet: Sheet, left: SpaceGrip, right: SpaceGrip, *, weight: bool) -> SpaceState:
     """Return the rod between two grips, started from the plane rod at their shadows in x and z."""
     q = sheet.weight_per_length_n_per_m if weight else 0.0
-    left_shadow, right_shadow = _shadow(left, 1.0), _shadow(right, -1.0)
-    plane = rod.solve_planar(
-        sheet.bending_stiffness_nm2,
-        sheet.length_m,
-        left_shadow,
-        right_shadow,
-        q,
-        axial_stiffness_n=sheet.axial_stiffness_n,
-    ).left
+    EI, L, EA = sheet.bending_stiffness_nm2, sheet.length_m, sheet.axial_stiffness_n
+    shadows = _shadow(left, 1.0), _shadow(right, -1.0)
+    plane = rod.solve_planar(EI, L, *shadows, q, axial_stiffness_n=EA).left
     guess = np.array([plane.force_x_n, 0.0, plane.force_z_n, 0.0, plane.moment_nm, 0.0])
-    stiffness = RodStiffness.of(sheet, in_plane=in_plane)
-    return solve_space(stiffness, sheet.length_m, left, right, guess, q)
+    return solve_space(RodStiffness.of(sheet, in_plane=False), L, left, right, guess, q)
 
 
 def _shadow(grip: SpaceGrip, sign: float) -> rod.Grip:
@@ -115,20 +101,17 @@ def twist_rows() -> Iterator[Row]:
     for alpha in (0.3, 0.6, 1.0):
         wrench, left, right = twisted_between_ideal_grips(sheet, strips, alpha, ROLL_RAD)
         theory = reference_state(sheet, left, right, weight=False)
-        for name, load, unit in (("torque", slice(3, 6), "N m"), ("lateral force", 1, "N")):
-            found, wanted = (
-                float(np.dot(w[load], left.axes[:, 0])) if name == "torque" else float(w[1])
-                for w in (wrench, theory.left)
-            )
+        loads = [(float(w[3:] @ left.axes[:, 0]), float(w[1])) for w in (wrench, theory.left)]
+        names = ("torque", "lateral force")
+        for name, found, wanted, unit in zip(names, *loads, ("N m", "N"), strict=True):
             what = f"twist, {name}, bent to {alpha:g} rad, ideal grips"
             yield relative(what, found, wanted, unit, TWIST_TOLERANCE)
 
 
 def misaligned_run(*settings: str) -> RunRecord:
     """Run the shipped experiment with errors of the right grip."""
-    return BendingRun(
-        load_scenario("fig6", [f"task.misalignment.right.{setting}" for setting in settings])
-    ).run()
+    changes = [f"task.misalignment.right.{setting}" for setting in settings]
+    return BendingRun(load_scenario("fig6", changes)).run()
 
 
 def edge_grips(result: RunRecord, row: int, place: str = "edge") -> tuple[SpaceGrip, SpaceGrip]:

@@ -13,9 +13,9 @@ from dualbend.arm.model import PUMA, arm_model
 from dualbend.arm.placement import MIN_MARGIN_RAD
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
-from dualbend.validation.cases import arm as validation_arm
-from dualbend.validation.cases import cell as validation_cell
-from dualbend.validation.cases.runs import IK_LIMIT, ik_residuals, moment_error
+from dualbend.validation.cases.arm import difference_rows, table_rows
+from dualbend.validation.cases.cell import response_rows, stiffness_rows
+from dualbend.validation.cases.runs import ik_rows, moment_error
 from dualbend.validation.row import Row, absolute, at_least
 from dualbend.validation.urdf import equations_of
 
@@ -35,18 +35,15 @@ EXPERIMENTS = ("fig6", "fig8")
 def arm_rows(name: str) -> Iterator[Row]:
     """Measure one kind of arm, two of them in the paper's cell; takes 30 s.
 
-    Raises
-    ------
-    InputError
-        No such arm, or it cannot do the experiment.
+    Raises InputError where there is no such arm, or it cannot do the experiment.
     """
     arm = arm_name(name, "--arm")
     settings = (f'robot.model="{arm}"',)
     # What refuses the arm comes first.
     ready = {name: BendingRun(load_scenario(name, settings)) for name in EXPERIMENTS}
-    yield from validation_arm.table_rows() if arm == PUMA else model_rows(arm)
-    yield from validation_cell.response_rows(settings)
-    yield from validation_cell.stiffness_rows(settings)
+    yield from table_rows() if arm == PUMA else model_rows(arm)
+    yield from response_rows(settings)
+    yield from stiffness_rows(settings)
     for experiment, run in ready.items():
         yield from experiment_rows(experiment, run)
 
@@ -57,31 +54,23 @@ def model_rows(name: ArmName, configurations: int = 20) -> Iterator[Row]:
     assert arm.urdf is not None
     low, high = np.array(arm.range_rad).T
     angles = np.random.default_rng(_SEED).uniform(low, high, (configurations, arm.count))
-    model = arm.spec(looks=False).compile()
-    pairs = validation_arm.worst_differences(
-        model, equations_of(arm.urdf), arm.armature_kg_m2, angles
-    )
-    for what, worst in pairs:
-        text = f"{name} {what}, rel. difference from the URDF"
-        yield absolute(text, worst, 0.0, "1", _MODEL_LIMIT)
+    model, theory = arm.spec(looks=False).compile(), equations_of(arm.urdf)
+    text, limit = f"{name} {{}}, rel. difference from the URDF", _MODEL_LIMIT
+    yield from difference_rows(text, model, theory, arm.armature_kg_m2, angles, limit)
 
 
 def experiment_rows(name: str, ready: BendingRun) -> Iterator[Row]:
     """Run an experiment of the paper and check end, moment, residuals and the arms' margins."""
     result = ready.run()
-    completed = float(result.outcome == "completed")
-    yield absolute(f"{name} completes", completed, 1.0, "1", 0.0)
-    position, rotation = ik_residuals(result)
-    yield absolute(f"{name} IK residual, position", position, 0.0, "m", IK_LIMIT)
-    yield absolute(f"{name} IK residual, rotation", rotation, 0.0, "rad", IK_LIMIT)
+    yield absolute(f"{name} completes", result.outcome == "completed", 1.0, "1", 0.0)
+    yield from ik_rows(f"{name} IK residual", result)
     text = f"{name} moment error / first peak, at gripper poses"
     yield absolute(text, moment_error(result, "grip"), 0.0, "1", _MOMENT_LIMIT)
     margins = joint_limit_margins(ready.cell.arms, result.trace.setpoints)["left"]
-    least = float(np.degrees(MIN_MARGIN_RAD))
+    least, found = math.degrees(MIN_MARGIN_RAD), ready.cell.arms.left.model.placement is None
     text = f"{name} joint-limit margin, {margins.joint}"
     yield at_least(text, _number(margins.margin_deg), least, "deg")
     text = f"{name} manipulability over the arm's largest"
-    found = ready.cell.arms.left.model.placement is None
     least = _LEAST_MANIPULABILITY if found else 0.0
     yield at_least(text, _number(margins.manipulability), least, "1")
 
