@@ -163,7 +163,7 @@ def dead_time_s(elements: LoopElements, frequency_hz: float) -> float:
     """
     return (
         (elements.delay.cycles + 1) * COMMAND_PERIOD_S
-        + elements.age_steps * COMMAND_PERIOD_S / elements.response.steps
+        + elements.age_s
         + elements.low_pass.group_delay_s(frequency_hz)
     )
 

@@ -137,8 +137,8 @@ def evaluate(elements: LoopElements, at: Environment, axis: AxisName) -> Row:
     least = max(modes, key=lambda name: modes[name].spectral_radius)
     mode, stiffness, rigid = modes[least], np.diag(at.loops[least]), np.diag(at.rigid_loops[least])
     found = loop_margins(loops[least], stable=mode.stable)
-    axes = tuple(name for name, acts in zip(SINGLE_AXES, acting, strict=True) if acts)
-    each = {name: float(stiffness[SINGLE_AXES.index(name)]) for name in axes}
+    every = zip(SINGLE_AXES, stiffness.tolist(), acting, strict=True)
+    each = {name: k for name, k, acts in every if acts}
     plain = elements.plain(at.alpha_rad)
     delayed = [
         delayed_loop(plain, name, k, max(mode.frequency_hz, 0.1)).margins().gain
@@ -149,7 +149,7 @@ def evaluate(elements: LoopElements, at: Environment, axis: AxisName) -> Row:
     return Row(
         alpha_rad=at.alpha_rad,
         moving=least,
-        axes=axes,
+        axes=tuple(each),
         at_rest=at.settled,
         stiffness_x_n_per_m=float(stiffness[0]),
         stiffness_rotation_nm_per_rad=float(stiffness[1]),

@@ -87,6 +87,11 @@ class LoopElements:
             return self
         return replace(self, admittance=plain_admittance(self.admittance, alpha_rad))
 
+    @property
+    def age_s(self) -> float:
+        """Age of a reading [s]."""
+        return self.age_steps * COMMAND_PERIOD_S / self.response.steps
+
     def axis(self, name: Literal["x", "rotation"]) -> AdmittanceAxis:
         """Return the filter of an axis; InputError where it is off."""
         part: AdmittanceAxis | None = getattr(self.admittance, name)

@@ -87,12 +87,7 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
     verified: Margin
 
 
-def tune(
-    scenario: Scenario,
-    *,
-    required: Margin,
-    seeds: Sequence[int] = (1, 2, 3),
-) -> Tuning:
+def tune(scenario: Scenario, *, required: Margin, seeds: Sequence[int] = (1, 2, 3)) -> Tuning:
     """Search the time constants of a scenario's compliance.
 
     The scenario's own compliance is the start where it has a schedule, else `BEYOND_THE_PAPER`.
