@@ -147,6 +147,17 @@ def theory() -> str:
     return "\n".join(page.read_text(encoding="utf-8") for page in THEORY)
 
 
+def test_links_between_the_pages_lead_to_files() -> None:
+    pages = [*ROOT.glob("*.md"), *PAGES]
+    missing = [
+        (page.name, link)
+        for page in pages
+        for link in re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8"))
+        if "://" not in link and not (page.parent / link).exists()
+    ]
+    assert not missing
+
+
 def test_equations_are_numbered_one_after_the_other() -> None:
     for page, letter in zip(THEORY, "ALS", strict=True):
         found = re.findall(r"\\tag\{(\w+)\}", page.read_text(encoding="utf-8"))

@@ -98,14 +98,6 @@ class PlanarPose(msgspec.Struct, frozen=True):
         """End slope (...) [rad]."""
         return self.coordinates[..., 2]
 
-    def in_other_frame(self) -> PlanarPose:
-        """Tell the same pose in the other arm's bending frame, turned by π: (−x, z, −α)."""
-        return PlanarPose(self.coordinates * (-1.0, 1.0, -1.0))
-
-    def in_plane(self) -> PlanarPose:
-        """Tell both arms' poses (..., 2, 3), each in its own bending frame, in the left arm's."""
-        return PlanarPose(self.coordinates * ((1.0, 1.0, 1.0), (-1.0, 1.0, -1.0)))
-
 
 class Wrench(msgspec.Struct, frozen=True):
     """Force and torque on an arm: ``components`` (..., 6) are F x, y, z [N], then M x, y, z [N m].

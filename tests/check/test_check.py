@@ -1,4 +1,4 @@
-"""The judge: what it lets pass, what it catches, and what it says of that."""
+"""The comparison with a baseline: what it lets pass, what it catches, and what it says of that."""
 
 from collections.abc import Callable
 from pathlib import Path

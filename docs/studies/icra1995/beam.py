@@ -1,4 +1,4 @@
-"""Checks of the paper's beam mathematics, (1)-(6), against the rod oracle.
+"""Checks of the paper's beam mathematics, (1)-(6), against the rod model.
 
 All numbers are dimensionless: EI = L = 1 and no weight, unless a sheet is given.
 """

@@ -1,6 +1,6 @@
 """Which readings of the paper make Figs. 6, 8 and 9 come out together: a scan by a cheap model.
 
-Every reading is judged by the compliance's own equilibrium with the sheet (the rod oracle, arms in
+Every reading is judged by the compliance's own equilibrium with the sheet (the rod model, arms in
 series) at three angles in each piece, and by the eigenvalues of the sampled loop. Some are then run
 as full simulations by `icra1995.confirm`.
 """
