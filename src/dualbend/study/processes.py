@@ -10,6 +10,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
 from dualbend.errors import InputError
@@ -74,6 +75,9 @@ def _one(function: Callable[[*Arguments], Row], arguments: tuple[*Arguments]) ->
 def _pool(count: int) -> Iterator[Executor]:
     """Give processes that end with the block, at once where it is left by an exception."""
     strangers = set(multiprocessing.active_children())
+    if os.name == "posix":
+        # Starting it unblocks interrupts; new processes are to have them blocked.
+        resource_tracker.ensure_running()
     pool = ProcessPoolExecutor(
         count, multiprocessing.get_context("spawn"), initializer=_belong_to_the_parent
     )
