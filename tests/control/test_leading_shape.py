@@ -416,7 +416,7 @@ def test_wrenches_moved_turned_and_summed(worlds: Shape, seed: int) -> None:
                     grips.moved(r[..., np.newaxis, :], "middle").components,
                     grips.turned(rotations(a[..., np.newaxis, :]), "bending").components,
                     grips.in_bending_frame(a[..., :2]).components,
-                    net_wrench(grips, r[..., 0], a[..., 1], a[..., 2]),
+                    net_wrench(grips.in_bending_frame(a[..., 1:2]), r[..., 0], a[..., 2]),
                 )
             )
         return found

@@ -101,7 +101,7 @@ def test_the_net_wrench_is_the_load_however_the_grips_share_it(
     readings = sensed(
         [(share_force, share_torque), (rest_force, rest_torque)], [left_axes, right_axes]
     )
-    found = net_wrench(readings, half, alpha, yaw)
+    found = net_wrench(readings.in_bending_frame(alpha), half, yaw)
     # Analytic: rounding of numbers up to some hundreds.
     np.testing.assert_allclose(found, [*force, moment[2]], atol=1e-10)
 
@@ -118,7 +118,7 @@ def test_symmetric_bending_leaves_only_the_weight(
 ) -> None:
     """The two grips' bending loads are each other's mirror image, equal in their own frames."""
     same = (np.array([along, 0.0, normal]), np.array([0.0, moment, 0.0]))
-    net = net_wrench(on_grips(same, same), 0.2, alpha, yaw)
+    net = net_wrench(on_grips(same, same).in_bending_frame(alpha), 0.2, yaw)
     # Analytic: the horizontal forces and the moments are opposite numbers, cancelled exactly.
     np.testing.assert_allclose(net[[0, 1, 3]], 0.0, atol=1e-12)
     up = 2.0 * (normal * math.cos(alpha) - along * math.sin(alpha))
@@ -141,9 +141,9 @@ def test_signs_of_each_grip_alone(yaw: float, pushed: list[float]) -> None:
         (on_grips((none, none), push), -1.0),
         (on_grips((unknown, unknown), push), -1.0),
     ):
-        net = net_wrench(grips, half, 0.0, yaw)
+        net = net_wrench(grips.in_bending_frame(0.0), half, yaw)
         np.testing.assert_allclose(net, [*(sign * np.array(pushed)), 0.0, 0.0], atol=1e-15)
-    both = net_wrench(on_grips(aside, aside), half, 0.0, yaw)
+    both = net_wrench(on_grips(aside, aside).in_bending_frame(0.0), half, yaw)
     np.testing.assert_allclose(both, [0.0, 0.0, 0.0, -2.0 * half], atol=1e-15)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from contextlib import AbstractContextManager, nullcontext
@@ -92,7 +93,10 @@ def run(
             if picture is not None:
                 picture.note(cycles)
 
+        # A garbage collection in the loop has nothing to find in what was there before.
+        gc.freeze()
         result = ready.run(on_cycle=step)
+        gc.unfreeze()
         with uninterrupted():
             failures = _write(result, folder, record, picture)
     for failure in failures:

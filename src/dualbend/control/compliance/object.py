@@ -121,15 +121,14 @@ def _raised(speed: Vector, force: Vector, least: float, sure: float) -> Vector:
     return np.maximum(1.0, wanted / np.where(size == 0.0, np.inf, size))
 
 
-def net_wrench(grips: Wrench, half_distance_m: Reals, alpha_rad: Reals, yaw_rad: Reals) -> Vector:
+def net_wrench(bending: Wrench, half_distance_m: Reals, yaw_rad: Reals) -> Vector:
     """Return net force x, y, z [N] in the world and moment about the vertical [N m], (..., 4).
 
-    Of the wrenches (..., 2, 6) on both arms at the grips, in G; an arm without a sensor, of which
-    all is NaN, adds nothing. The moment is about the vertical through the object's place, which
-    lies midway between the grips.
+    Of the wrenches (..., 2, 6) on both arms at the grips, each in its arm's bending frame; an arm
+    without a sensor, of which all is NaN, adds nothing. The moment is about the vertical through
+    the object's place, which lies midway between the grips.
     """
-    both = grips.in_bending_frame(np.asarray(alpha_rad)[..., np.newaxis]).components
-    both = np.where(np.isnan(both), 0.0, both)
+    both = np.where(np.isnan(bending.components), 0.0, bending.components)
     # The right arm's bending frame is the left one's turned by π.
     x, y = (both[..., 0, i] - both[..., 1, i] for i in (0, 1))
     turn = both[..., 5] - np.asarray(half_distance_m)[..., np.newaxis] * both[..., 1]

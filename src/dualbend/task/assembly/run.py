@@ -18,7 +18,6 @@ from dualbend.control.compliance.object import (
 )
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
-from dualbend.control.force_torque import WrenchReading
 from dualbend.errors import InputError
 from dualbend.planning.plan import AssemblyPlan, plan_assembly
 from dualbend.run.arm_load import refuse_overload
@@ -38,7 +37,7 @@ from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyProgram
 from dualbend.task.assembly.stiffness import object_stiffness
 from dualbend.task.assembly.workplace import check_workplace
-from dualbend.types import SIDES, PlanarPose, Side, Vector
+from dualbend.types import SIDES, PlanarPose, Side, Vector, Wrench
 
 LONGEST_S = 180.0
 """A sheet is laid within this, or the run is given up."""
@@ -273,7 +272,8 @@ class AssemblyRun(Run):
         place = _place(goal.posture)
         seen = self.observe(goal.phase, np.array([alpha, -x, place[2] + rise]))
         reading = self.sensors.read(self.sample.wrench, self.sample.rotation)
-        net = net_wrench(reading.filtered, -x, alpha, float(place[3]))
+        bending = reading.filtered.in_bending_frame(np.array([alpha]))
+        net = net_wrench(bending, -x, float(place[3]))
         deviation = self._comply(goal, net)
         self._note(goal, laid, deviation, net)
         moved = place + self._delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
@@ -286,7 +286,7 @@ class AssemblyRun(Run):
         self.grippers.update()
         sensed = Sensed(
             net=net,
-            vertical=_vertical(reading, alpha),
+            vertical=_vertical(bending),
             gap=self.grippers.gap_m,
             error_m=error,
         )
@@ -349,9 +349,10 @@ def _place(posture: Posture) -> Vector:
     return np.array([posture.x, posture.y, posture.z, posture.yaw])
 
 
-def _vertical(reading: WrenchReading, alpha: float) -> Vector:
-    """Return the force on each arm along the vertical (2,) [N], filtered; 0 without a sensor."""
-    return np.nan_to_num(reading.filtered.in_bending_frame(np.full(2, alpha)).force_n[:, 2])
+def _vertical(bending: Wrench) -> Vector:
+    """Return the force on each arm along the vertical (2,) [N]; 0 without a sensor."""
+    force = bending.force_n[:, 2]
+    return np.where(np.isnan(force), 0.0, force)
 
 
 def _error(targets: Targets, grip: Vector) -> float:
