@@ -268,8 +268,8 @@ WRONG_SETTINGS = [
     ("name=5", "name", "5", "str"),
     ("path.end_rad=[1]", "path.end_rad", "1", "float"),
     ("path.end_rad=2020-01-01", "path.end_rad", "2020", "float"),
-    ("path=3", "path", "3", "object"),
-    ("sheet.model=20", "sheet.model", "20", "object"),
+    ("path=3", "path", "3", "must be a section"),
+    ("sheet.model=20", "sheet.model", "20", "must be a section"),
     ("compliance.sensing=left", "compliance.sensing", "left", "array"),
     ("path.end_rad=", "path.end_rad", "", "float"),
     # choices

@@ -147,9 +147,13 @@ def explain(data: Mapping[str, Any], message: str, struct: Struct) -> str:
         text = f"must be one of {_listed(choices)}"
     elif "matching regex" in text:
         text = "must begin with a letter or digit and hold only letters, digits and . _ + -"
-    elif value == UNSET and text.startswith("Expected `object"):
+    elif kinds and text.startswith(("Expected `object", "Expected `AnyTask")):
         below = ", ".join(fields_in(kinds, {}))
-        text = f"this section is always there: leave it out, or give its keys: {below}"
+        text = f"must be a section with keys: {below}"
+        if value == UNSET:
+            text = f"this section is always there: leave it out, or give its keys: {below}"
+        elif has_kinds(kinds):
+            text = f"must be a section, or the name of its kind: {_listed(kinds)}"
     elif "missing required field" in text and has_kinds(kinds):
         text = f'{text}, as kind = "{value[KIND]}" needs; the kinds are {_listed(kinds)}'
     shown = "" if isinstance(value, dict) or value is None else f" = {value!r}"
