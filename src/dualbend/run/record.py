@@ -12,6 +12,7 @@ import mujoco
 
 from dualbend.errors import InputError
 from dualbend.registry import TASKS, Task
+from dualbend.run.identity import RunIdentity
 from dualbend.run.trace import Trace
 from dualbend.scenario.scenario import Scenario
 from dualbend.types import SIDES, Side, Vector
@@ -29,9 +30,11 @@ class Metric(msgspec.Struct, frozen=True):
 class Summary(msgspec.Struct, frozen=True, kw_only=True):
     """``summary.json``: how the run ended and its numbers; ``tables`` are those of its task.
 
-    ``sheet`` and ``arms`` are as they were written; {} where the run's version did not.
+    ``sheet`` and ``arms`` are as they were written; {} where the run's version did not. ``run``:
+    which run it is; None before it is written, and where its version did not say it.
     """
 
+    run: RunIdentity | None = None
     scenario: str
     seed: int
     outcome: str
@@ -56,6 +59,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
         tables = found.pop("tables")
         if not self.controller:
             del found["controller"]
+        if self.run is None:
+            del found["run"]
         return {**found, **tables}
 
 
