@@ -13,6 +13,17 @@ class InputError(DualbendError, ValueError):
     """The user gave something that cannot be used; the message says what would be right."""
 
 
+class Interrupted(KeyboardInterrupt):
+    """A signal asks the program to end as soon as what was computed is kept.
+
+    ``signal``: its number, also of an interrupt from the keyboard.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.signal = number
+
+
 @contextmanager
 def refusing(said: str, *errors: type[Exception]) -> Iterator[None]:
     """Turn errors, of these types or InputError, into an InputError that begins with ``said``."""
