@@ -190,13 +190,12 @@ def test_a_piece_shorter_than_a_cycle_has_no_peak(tmp_path: Path) -> None:
     assert max(p for p in pieces if p is not None) == found["peak_moment"]["value"]
 
 
-def test_what_cannot_be_written_is_said_and_the_rest_is_kept(tmp_path: Path) -> None:
+def test_what_cannot_be_written_is_said_before_anything_is_computed(tmp_path: Path) -> None:
     (tmp_path / "summary.json").mkdir()
     result = call("run", "fig6", *SHORT, "--no-record", "--out", str(tmp_path))
     assert result.exit_code == 2
-    assert "summary.json: Is a directory" in result.output
-    for name in ("scenario.toml", "trace.parquet", "moment.png"):
-        assert (tmp_path / name).is_file()
+    assert "summary.json is a folder there" in result.output
+    assert [path.name for path in tmp_path.iterdir()] == ["summary.json"]
 
 
 def test_pieces_replace_an_inherited_interval(tmp_path: Path) -> None:

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from dualbend.registry import TASKS, Task
     from dualbend.report.results import write_results
     from dualbend.run.arms import arm_pair
+    from dualbend.run.disk.saved import load_run
     from dualbend.run.make import make_run
     from dualbend.run.planar import PlanarRun
     from dualbend.run.record import Metric, RunRecord
-    from dualbend.run.saved import load_run
     from dualbend.scenario.load import list_scenarios, load_scenario
     from dualbend.scenario.motion import NominalMotion
     from dualbend.scenario.scenario import Scenario
@@ -95,7 +95,7 @@ _HOMES = {
     "critical_rate": "control.compliance.object",
     "elastica": "beam.elastica",
     "list_scenarios": "scenario.load",
-    "load_run": "run.saved",
+    "load_run": "run.disk.saved",
     "load_scenario": "scenario.load",
     "make_run": "run.make",
     "plan_assembly": "planning.plan",

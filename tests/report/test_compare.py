@@ -10,9 +10,10 @@ import rerun as rr
 
 from dualbend.errors import InputError
 from dualbend.report.compare import compare_runs, labels, report_text, write_comparison
-from dualbend.run import output
+from dualbend.run.disk.folder import run_folder
+from dualbend.run.disk.output import write_numbers
+from dualbend.run.disk.saved import load_run
 from dualbend.run.record import RunRecord
-from dualbend.run.saved import load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 
@@ -22,10 +23,8 @@ SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1"
 
 def leave(folder: Path, name: str, *settings: str) -> RunRecord:
     result = BendingRun(load_scenario(name, [*SHORT, *settings])).run()
-    folder.mkdir(parents=True)
-    output.write_scenario(result, folder / "scenario.toml")
-    output.write_trace(result, folder / "trace.parquet")
-    output.write_summary(result, folder / "summary.json")
+    with run_folder(folder) as kept:
+        write_numbers(result, kept)
     return result
 
 

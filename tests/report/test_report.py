@@ -29,10 +29,10 @@ from dualbend.report.sections.settings import settings_of
 from dualbend.report.shape import shapes, sheet_points
 from dualbend.report.template import markdown
 from dualbend.resources import limitations_file
-from dualbend.run import output
+from dualbend.run.disk.folder import run_folder
+from dualbend.run.disk.saved import ENDED_FROM_OUTSIDE, load_run
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
-from dualbend.run.saved import UNFINISHED, load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.study.paper_figures import FORMATS, write_pictures
 from dualbend.table import Code, Column, Table
@@ -259,25 +259,21 @@ def test_a_run_that_ended_before_it_bent_still_has_its_report(top: Path) -> None
 def test_a_killed_run_still_has_its_report(tmp_path: Path) -> None:
     """What is on disk after a kill: the stream alone, up to its last second."""
     run = make_run(load_scenario("fig8", SHORT))
-    kept = b""
-    with output.trace_kept(run, tmp_path) as keep:
+    with run_folder(tmp_path) as kept, kept.log(run) as keep:
 
         def on_cycle(done: int) -> None:
-            nonlocal kept
             keep()
             if done == 40:
-                kept = (tmp_path / "trace.arrow").read_bytes()
                 raise KeyboardInterrupt
 
         run.run(on_cycle)
-    (tmp_path / "trace.arrow").write_bytes(kept)
     saved = load_run(tmp_path, unfinished=True)
-    assert saved.summary.outcome == UNFINISHED
+    assert saved.summary.outcome == ENDED_FROM_OUTSIDE
     assert saved.scenario == run.scenario  # exact
     result = call("report", str(tmp_path))
     assert result.exit_code == 0, result.output
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert UNFINISHED in page
+    assert ENDED_FROM_OUTSIDE in page
     assert "The run left no metrics." in page
 
 

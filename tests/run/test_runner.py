@@ -15,6 +15,8 @@ from dualbend.arm.pair import paper_pair
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.guard import Guard, GuardConfig, ProtectiveStop
 from dualbend.errors import InputError
+from dualbend.run.disk.folder import run_folder
+from dualbend.run.disk.output import write_numbers
 from dualbend.run.planar import refuse_snapped
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS, Trace
@@ -408,7 +410,8 @@ def test_a_sheet_above_its_ends_has_snapped() -> None:
 
 def test_the_trace_is_written_with_units(tmp_path: Path) -> None:
     result = run()
-    result.trace.write(tmp_path / "trace.parquet", {"seed": "1"})
+    with run_folder(tmp_path) as kept:
+        write_numbers(result, kept)
     read = pq.read_table(tmp_path / "trace.parquet")
     assert read.num_rows == result.trace.rows
     for name, unit in result.trace.columns:

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from dualbend.run import output
+from dualbend.run.disk.folder import run_folder
+from dualbend.run.disk.output import write_numbers
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 
@@ -16,8 +17,6 @@ def leave(folder: Path, name: str, *settings: str, until: int | None = None) -> 
             raise KeyboardInterrupt
 
     result = run.run(on_cycle)
-    folder.mkdir(parents=True)
-    output.write_scenario(result, folder / "scenario.toml")
-    output.write_trace(result, folder / "trace.parquet")
-    output.write_summary(result, folder / "summary.json")
+    with run_folder(folder) as kept:
+        write_numbers(result, kept)
     return folder

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dualbend.beam import elastica
 from dualbend.errors import InputError
 from dualbend.run.cell import RobotCell
-from dualbend.run.output import trace_kept
+from dualbend.run.disk.folder import run_folder
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS, Trace, TraceRecorder, TraceStream, read_trace
 from dualbend.scenario.load import load_scenario
@@ -299,12 +299,12 @@ def interrupted(folder: Path, cycles: int) -> tuple[RunRecord, Path]:
     """Stop a run after some cycles as Ctrl-C does; return it and a copy of its stream."""
     prepared_ = AssemblyRun(load_scenario("pwb"))
     copy = folder / "copy.arrow"
-    with trace_kept(prepared_, folder) as keep:
+    with run_folder(folder) as kept, kept.log(prepared_) as keep:
 
         def on_cycle(done: int) -> None:
             keep()
             if done == cycles:
-                copy.write_bytes((folder / "trace.arrow").read_bytes())
+                copy.write_bytes((folder / "unfinished" / "trace.arrow").read_bytes())
                 raise KeyboardInterrupt
 
         result = prepared_.run(on_cycle)
@@ -323,8 +323,8 @@ def test_the_stream_of_an_interrupted_run_is_its_first_rows(tmp_path: Path) -> N
     for name in ("time", "left_gap", "left_q_joint2", "net_force_z"):
         np.testing.assert_array_equal(kept[name].to_numpy(), result.trace[name][:72])
     assert kept.schema.field("net_force_z").metadata == {b"unit": b"N"}
-    # The parquet file takes its place.
-    assert not (tmp_path / "trace.arrow").exists()
+    # What was left to write when the run ended is there, too.
+    assert read_trace(tmp_path / "unfinished" / "trace.arrow").num_rows == 80
     # Cut off within the second batch, the first is still there; within the header, nothing is.
     whole = copy.read_bytes()
     cut = tmp_path / "cut.arrow"
@@ -337,14 +337,16 @@ def test_the_stream_of_an_interrupted_run_is_its_first_rows(tmp_path: Path) -> N
 
 def test_a_stream_takes_no_row_twice(tmp_path: Path) -> None:
     trace = TraceRecorder(100, [], 1, 1, ())
-    stream = TraceStream(tmp_path / "trace.arrow", {})
+    stream = TraceStream(lambda: tmp_path / "trace.arrow", dict)
     for row in range(100):
         trace.rows = row + 1
         trace._table[row] = row
         stream.update(trace)
-    stream.close()
     kept = read_trace(tmp_path / "trace.arrow")
     np.testing.assert_array_equal(kept["time"].to_numpy(), np.arange(72))
+    stream.close(trace)
+    kept = read_trace(tmp_path / "trace.arrow")
+    np.testing.assert_array_equal(kept["time"].to_numpy(), np.arange(100))
 
 
 # --- "none" takes back --------------------------------------------------------------------------

@@ -16,6 +16,7 @@ import msgspec
 
 from dualbend.check.tolerances import Tolerance
 from dualbend.errors import InputError, refusing, writing
+from dualbend.files import write_whole
 from dualbend.types import Config
 
 DEFAULT_FILE = Path("baseline.json")
@@ -87,10 +88,8 @@ def write_baseline(baseline: Baseline, path: Path) -> None:
     Raises InputError where ``path`` cannot be written.
     """
     text = _text(msgspec.to_builtins(baseline))
-    part = path.with_name(f"{path.name}.part")
     with writing(path):
-        part.write_text(text + "\n", encoding="utf-8")
-        part.replace(path)
+        write_whole(path, text + "\n")
 
 
 def _text(value: object, depth: int = 0) -> str:

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 from dualbend.check.verdict import Finding, Verdicts
 from dualbend.errors import writing
+from dualbend.files import write_whole
 from dualbend.table import Column, Table, escaped, percent, shown
 
 _HEADINGS = ("scenario", "metric", "old", "new", "unit", "change", "allowed", "verdict")
@@ -88,7 +89,7 @@ def write_markdown(verdicts: Verdicts, path: Path) -> None:
     lines += ["<details><summary>All values</summary>", "", _table(verdicts.findings).markdown()]
     lines += ["", "</details>", ""]
     with writing(path, "--markdown"):
-        path.write_text("\n".join(lines), encoding="utf-8")
+        write_whole(path, "\n".join(lines))
 
 
 def write_junit(verdicts: Verdicts, path: Path) -> None:
@@ -117,7 +118,7 @@ def write_junit(verdicts: Verdicts, path: Path) -> None:
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode", xml_declaration=False)
     with writing(path, "--junit"):
-        path.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n', encoding="utf-8")
+        write_whole(path, f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n')
 
 
 def _case(suite: ElementTree.Element, finding: Finding) -> None:

@@ -19,6 +19,7 @@ from dualbend.cli.common import (
     shown,
 )
 from dualbend.errors import writing
+from dualbend.files import write_whole
 
 
 @command("dualbend plan pwb --set task.layout.holes.clearance_m=1e-4")
@@ -68,7 +69,7 @@ def robustness(
     Random errors are drawn with the standard deviations of task.spread. The same command
     continues a study that was interrupted.
     """
-    from dualbend.run.output import uninterrupted, write_json
+    from dualbend.run.disk.output import json_text, uninterrupted
     from dualbend.study.robustness.figure import plot_success
     from dualbend.study.robustness.run import run_study
     from dualbend.study.robustness.summary import summarise, table
@@ -91,7 +92,7 @@ def robustness(
     numbers = summarise(loaded, seed, trials, folder)
     with uninterrupted():
         with writing(folder, "--out"):
-            write_json(numbers, folder / "summary.json")
+            write_whole(folder / "summary.json", json_text(numbers))
         plot_success(trials, loaded, folder / "success.png")
     click.echo("\n".join(table(numbers)))
     click.echo(f"results in {folder}")

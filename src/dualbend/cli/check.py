@@ -68,7 +68,7 @@ def compare(run_a: Path, run_b: Path, out: Path | None, record: bool) -> None:
     differ. With --out, writes compare.txt, compare.png and compare.rrd.
     """
     from dualbend.report.compare import compare_runs, report_text, write_comparison
-    from dualbend.run.saved import load_run
+    from dualbend.run.disk.saved import load_run
 
     first, second = load_run(run_a), load_run(run_b)
     found = compare_runs(first, second)

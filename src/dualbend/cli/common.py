@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 
 from dualbend.errors import DualbendError, writing
+from dualbend.files import write_whole
 
 if TYPE_CHECKING:
     from click._termui_impl import ProgressBar
@@ -96,7 +97,7 @@ def deliver(text: str, out: Path | None) -> None:
         click.echo(text, nl=False)
         return
     with writing(out, "--out"):
-        out.write_text(text, encoding="utf-8")
+        write_whole(out, text)
     click.echo(f"{out} written")
 
 
@@ -128,7 +129,9 @@ def progress_bar(length: int, label: str) -> ProgressBar[int]:
 
 
 def exit_by(result: RunRecord) -> None:
-    """Exit with the code of a run that ended otherwise than its scenario expects."""
+    """Exit with the code of a run that a signal ended, or otherwise than its scenario expects."""
+    if result.signal:
+        sys.exit(128 + result.signal)
     if not result.expected:
         sys.exit(EXIT_UNEXPECTED)
 

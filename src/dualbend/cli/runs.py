@@ -26,9 +26,11 @@ from dualbend.cli.common import (
     shown,
 )
 from dualbend.errors import InputError, writing
+from dualbend.files import write_whole
 
 if TYPE_CHECKING:
     from dualbend.recording.live import LiveRecording
+    from dualbend.run.disk.folder import RunFolder
     from dualbend.run.loop import Run
     from dualbend.run.record import RunRecord
     from dualbend.scenario.scenario import Scenario
@@ -69,36 +71,36 @@ def run(
         _which_scenario(asked=not _any_given())
         return
     from dualbend.evaluation.sheet import sheet_report, sheet_warning
+    from dualbend.run.disk.folder import run_folder
+    from dualbend.run.disk.output import uninterrupted
     from dualbend.run.make import make_run
-    from dualbend.run.output import prepare_folder, trace_kept, uninterrupted
 
     loaded = load(scenario, settings, seed)
-    folder = out if out is not None else Path("runs") / loaded.name
-    prepare_folder(folder)
-    ready = make_run(loaded)
-    live = nullcontext() if address is None else _live(ready, address, folder, record=record)
-    about = sheet_warning(sheet_report(loaded))
-    if about:
-        click.echo(f"warning: {loaded.name}: {about}", err=True)
-    _tell_stability(ready.scenario)
-    with (
-        progress_bar(ready.cycles, loaded.name) as bar,
-        trace_kept(ready, folder) as keep,
-        live as picture,
-    ):
+    with run_folder(out if out is not None else Path("runs") / loaded.name) as kept:
+        ready = make_run(loaded)
+        live = nullcontext() if address is None else _live(ready, address, kept, record=record)
+        about = sheet_warning(sheet_report(loaded))
+        if about:
+            click.echo(f"warning: {loaded.name}: {about}", err=True)
+        _tell_stability(ready.scenario)
+        with (
+            progress_bar(ready.cycles, loaded.name) as bar,
+            kept.log(ready) as keep,
+            live as picture,
+        ):
 
-        def step(cycles: int) -> None:
-            bar.update(1)
-            keep()
-            if picture is not None:
-                picture.note(cycles)
+            def step(cycles: int) -> None:
+                bar.update(1)
+                keep()
+                if picture is not None:
+                    picture.note(cycles)
 
-        # A garbage collection in the loop has nothing to find in what was there before.
-        gc.freeze()
-        result = ready.run(on_cycle=step)
-        gc.unfreeze()
+            # A garbage collection in the loop has nothing to find in what was there before.
+            gc.freeze()
+            result = ready.run(on_cycle=step)
+            gc.unfreeze()
         with uninterrupted():
-            failures = _write(result, folder, record, picture)
+            failures = _write(result, kept, record, picture)
     for failure in failures:
         click.echo(f"dualbend: {failure}", err=True)
     if failures:
@@ -126,14 +128,14 @@ def _tell_stability(scenario: Scenario) -> None:
 
 
 def _live(
-    ready: Run, address: str, folder: Path, *, record: bool
+    ready: Run, address: str, kept: RunFolder, *, record: bool
 ) -> AbstractContextManager[LiveRecording]:
     """Return the live recording of a run in a viewer that answers."""
     from dualbend.recording.live import LiveRecording, check_viewer
 
     viewer = check_viewer(address, screen=_has_screen())
-    path = folder / "run.rrd" if record else None
-    with writing(folder / "run.rrd", "--out"):
+    with writing(kept.folder, "--out"):
+        path = kept.unfinished / "run.rrd" if record else None
         return LiveRecording(ready, viewer, path)
 
 
@@ -161,7 +163,7 @@ def _which_scenario(*, asked: bool) -> None:
 
 
 def _write(
-    result: RunRecord, folder: Path, record: bool, picture: LiveRecording | None
+    result: RunRecord, kept: RunFolder, record: bool, picture: LiveRecording | None
 ) -> list[str]:
     """Write the results of a run and print its metrics; return a message for each failed file."""
     from dualbend.report.results import write_results
@@ -174,7 +176,8 @@ def _write(
         picture.end(result, notes)
         if picture.problem is not None:
             click.echo(f"dualbend: --view: the live view ended: {picture.problem}", err=True)
-    failures = write_results(result, folder, record=record, notes=notes)
+    failures = write_results(result, kept, record=record, notes=notes)
+    folder = kept.folder
     show_end(result)
     for name, metric in result.metrics.items():
         click.echo(f"  {name:<26}{shown(metric.value):>12}  {metric.unit}")
@@ -279,7 +282,7 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
 
     xml = make_run(load(scenario, settings)).scene_xml()
     with writing(out, "--out"):
-        out.write_text(xml, encoding="utf-8")
+        write_whole(out, xml)
     click.echo(f"{out}: open it with python -m mujoco.viewer --mjcf={out}")
 
 

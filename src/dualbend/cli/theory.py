@@ -11,6 +11,7 @@ import click
 
 from dualbend.cli.common import EXIT_FAILED_CHECK, JSON, PATH, command, print_json
 from dualbend.errors import InputError, writing
+from dualbend.files import write_whole
 
 if TYPE_CHECKING:
     from dualbend.validation.table import Row
@@ -78,7 +79,8 @@ def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool)
     if arm is not None and shell:
         raise InputError("--arm and --shell cannot be combined: give one of them")
     if markdown is not None:
-        _write_markdown("", markdown)  # before two minutes are spent
+        with writing(markdown, "--markdown"), markdown.open("ab"):
+            pass  # before two minutes are spent
     on_row = None if as_json else _show_row
     if arm is not None:
         rows = run_arm_validation(arm, on_row)
@@ -90,17 +92,13 @@ def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool)
         from dualbend.evaluation.metrics import versions
         from dualbend.validation.page import validation_page
 
-        _write_markdown(validation_page(rows, versions()), markdown)
+        with writing(markdown, "--markdown"):
+            write_whole(markdown, validation_page(rows, versions()))
     failed = [row for row in rows if not row.passed]
     if not as_json:
         click.echo(f"{len(rows) - len(failed)} of {len(rows)} rows pass")
     if failed:
         sys.exit(EXIT_FAILED_CHECK)
-
-
-def _write_markdown(text: str, path: Path) -> None:
-    with writing(path, "--markdown"), path.open("w" if text else "a", encoding="utf-8") as file:
-        file.write(text)
 
 
 def _show_row(row: Row) -> None:

@@ -18,7 +18,7 @@ NOTHING = 1e-9
 def model_fingerprint(model: mujoco.MjModel) -> str:
     """Return the SHA-256 of a compiled model's names and numbers, rounded.
 
-    :func:`~dualbend.run.output.model_hash` is the exact one: it tells one machine's models apart
+    :func:`~dualbend.run.disk.output.model_hash` is the exact one: it tells a machine's models apart
     and is another on a machine whose rounding is.
     """
     digest = hashlib.sha256()

@@ -209,4 +209,5 @@ def _so_far(run: Run, trace: Trace) -> RunRecord:
         scene=Scene(model=run.cell.model, bend_stiffness=run.cell.simulation.bend_stiffness),
         simulated_s=trace.rows * COMMAND_PERIOD_S,
         wall_time_s=0.0,
+        identity=run.identity,
     )

@@ -18,6 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError, writing
+from dualbend.files import whole_file
 from dualbend.recording.layers import layers_of
 from dualbend.recording.offscreen import no_opengl
 from dualbend.run.loop import Run
@@ -118,11 +119,11 @@ def write_video(result: RunRecord, path: Path, look: Look) -> int:
     shown = np.array([_row_at(rows, look.at_s)]) if still else frame_rows(rows, look)
     with Stage(result, look) as stage:
         frames = [stage.picture(row) for row in shown.tolist()]
-    with writing(path, "--out"):
+    with writing(path, "--out"), whole_file(path) as part:
         if still:
-            frames[0].save(path)
+            frames[0].save(part)
         else:
-            _save_gif(frames, path, frame_times_ms(len(frames), look.fps))
+            _save_gif(frames, part, frame_times_ms(len(frames), look.fps))
     return len(frames)
 
 

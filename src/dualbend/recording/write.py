@@ -5,7 +5,6 @@ Everything is written after the run, as columns: one call an entity, however man
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -67,9 +66,9 @@ def write_recording(result: RunRecord, path: Path, notes: Notes | None = None) -
 
 def open_stream(result: RunRecord, kind: str = "") -> rr.RecordingStream:
     """Return a stream for the run; one of another ``kind`` is another recording."""
-    # Two runs of one name with other settings are two recordings, not one with doubled data.
-    digest = hashlib.sha256(result.scenario.to_toml().encode()).hexdigest()[:8]
-    return new_stream(f"{_name(result)}, {digest}{kind}")
+    # Two runs are two recordings, not one with doubled data.
+    named = "" if result.identity is None else f", {result.identity}"
+    return new_stream(f"{_name(result)}{named}{kind}")
 
 
 def _name(result: RunRecord) -> str:

@@ -9,6 +9,7 @@ import msgspec
 
 from dualbend.errors import writing
 from dualbend.evaluation.metrics import side_by_side
+from dualbend.files import whole_file, write_whole
 from dualbend.run.record import RunRecord
 from dualbend.table import Column, Columns, Table, percent, relative_change
 
@@ -99,12 +100,13 @@ def write_comparison(
     text = report_text(found)
     with writing(folder, "--out"):
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "compare.txt").write_text(text + "\n", encoding="utf-8")
+        write_whole(folder / "compare.txt", text + "\n")
         plot_compared_moments((a, b), found.labels, folder / "compare.png")
         if record:
             from dualbend.recording.compare import write_compared_recording  # noqa: PLC0415
 
-            write_compared_recording((a, b), found.labels, text, folder / "compare.rrd")
+            with whole_file(folder / "compare.rrd") as part:
+                write_compared_recording((a, b), found.labels, text, part)
 
 
 def _ended(run: RunRecord) -> str:

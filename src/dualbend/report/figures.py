@@ -18,6 +18,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
 from dualbend.errors import writing
+from dualbend.files import whole_file
 from dualbend.report.moment import is_bending, knots_of, moment_plot, recorded_moments
 from dualbend.report.plot import COLOURS, LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot
 from dualbend.report.sections.tables import ended
@@ -48,8 +49,8 @@ def save(
 
     A figure that is made without pyplot needs no display and no choice of a backend.
     """
-    with writing(path, option, also=ValueError):
-        figure.savefig(path, dpi=_DPI, **options)
+    with writing(path, option, also=ValueError), whole_file(path) as part:
+        figure.savefig(part, dpi=_DPI, **options)
 
 
 def draw(axes: Axes, shown: Plot, palette: Mapping[Colour, Any] = PALETTE) -> None:
@@ -114,7 +115,7 @@ def plot_moment(run: RunRecord, path: Path) -> None:
         ha="right",
         va="bottom",
     )
-    figure.savefig(path, dpi=_DPI)
+    save(figure, path, metadata={"Description": str(run.identity or "")})
 
 
 def plot_compared_moments(
@@ -132,7 +133,7 @@ def plot_compared_moments(
         axes=(ANGLE, Axis("moment at the sensing gripper", "mN m")),
         title=f"{labels[0]} and {labels[1]}",
     )
-    _picture(shown)[0].savefig(path, dpi=_DPI)
+    save(_picture(shown)[0], path)
 
 
 def _filtered_and_true(

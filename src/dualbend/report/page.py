@@ -9,6 +9,7 @@ from pathlib import Path
 
 from dualbend.errors import writing
 from dualbend.evaluation.sheet import no_theory
+from dualbend.files import write_whole
 from dualbend.report.bokeh import library, plots_data
 from dualbend.report.moment import (
     ANGLE,
@@ -32,8 +33,8 @@ from dualbend.report.sections.tables import (
 from dualbend.report.sections.time import phase_section, wrench_section
 from dualbend.report.template import asset, inside, markdown, render
 from dualbend.resources import limitations_file
+from dualbend.run.disk.saved import load_run
 from dualbend.run.record import RunRecord
-from dualbend.run.saved import load_run
 
 PAPER_FIGURES = {"fig6": "Fig. 6", "fig8": "Fig. 8", "fig9": "Fig. 9"}
 """Shipped scenarios that are a figure of the paper."""
@@ -54,7 +55,7 @@ def write_report(folders: Sequence[Path], out: Path) -> None:
     text = report(runs)
     with writing(out, "--out"):
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(text, encoding="utf-8")
+        write_whole(out, text)
 
 
 def report(runs: Sequence[RunRecord]) -> str:

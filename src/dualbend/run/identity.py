@@ -34,9 +34,13 @@ class RunIdentity(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         """Return the identity of a run of a scenario; ``id`` is e.g. ``uuid.uuid4().hex``."""
         return cls(id=id, seed=scenario.seed, scenario_sha256=sha256(scenario.to_toml()))
 
+    def __str__(self) -> str:
+        """Return the identity in words: what a picture and a recording say."""
+        return f"run {self.id}, seed {self.seed}, scenario sha256 {self.scenario_sha256}"
+
     def to_toml(self, scenario_toml: str) -> str:
         """Return the text of ``scenario.toml``: the comment, then the resolved scenario."""
-        return f"{_COMMENT.format(**msgspec.structs.asdict(self))}\n{scenario_toml}"
+        return f"# {self}\n{scenario_toml}"
 
     def to_metadata(self) -> dict[str, str]:
         """Return what the metadata of a trace say, as texts."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import time
+import uuid
 from collections.abc import Callable
 
 import mujoco
@@ -22,6 +24,7 @@ from dualbend.control.guard import Guard, ProtectiveStop
 from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError
 from dualbend.run.cell import RobotCell
+from dualbend.run.identity import RunIdentity
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.outcome import TaskStopped
 from dualbend.run.record import RunRecord, Scene
@@ -47,6 +50,7 @@ class Run:
     checked_poses : joint angles (k, n) of the poses that were tried before the run
     task_columns : names and units of the trace's columns that only this task has
     sample : what the sensors say at the start of the next cycle
+    identity : what names the run in every file; begun again, it is the same run
     """
 
     trace: TraceRecorder
@@ -60,6 +64,7 @@ class Run:
     def __init__(self, scenario: Scenario, cell: RobotCell) -> None:
         self.scenario, self.cell = scenario, cell
         self.laid: list[Vector] = []
+        self.identity = RunIdentity.of(scenario, uuid.uuid4().hex)
 
     @property
     def cycles(self) -> int:
@@ -114,7 +119,7 @@ class Run:
         """Simulate the motion to its end, whatever ends it."""
         simulation = self.cell.simulation
         outcome: Outcome = "completed"
-        reason = ""
+        reason, ended_by = "", 0
         started = time.perf_counter()
         try:
             with warnings_counted_only():
@@ -129,13 +134,16 @@ class Run:
             outcome, reason = "aborted", str(stop)
         except SimulationFailed as failure:
             outcome, reason = "failed", str(failure)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as interrupt:
+            ended_by = getattr(interrupt, "signal", signal.SIGINT)
             outcome, reason = "failed", "interrupted by the user"
         if reason:
             reason = f"{reason}, at {simulation.data.time:.3f} s"
-        return self.record(outcome, reason, time.perf_counter() - started)
+        return self.record(outcome, reason, time.perf_counter() - started, ended_by)
 
-    def record(self, outcome: Outcome, reason: str = "", wall_time_s: float = 0.0) -> RunRecord:
+    def record(
+        self, outcome: Outcome, reason: str = "", wall_time_s: float = 0.0, signal: int = 0
+    ) -> RunRecord:
         """Return what the run has left so far."""
         simulation = self.cell.simulation
         return RunRecord(
@@ -148,6 +156,8 @@ class Run:
             wall_time_s=wall_time_s,
             controller="" if self.compliance is make_compliance else _name_of(self.compliance),
             laid=tuple(self.laid),
+            identity=self.identity,
+            signal=signal,
         )
 
     def observe(self, phase: int, nominal: Vector) -> Observation:

@@ -91,6 +91,8 @@ class RunRecord:
     scene : model and stiffness, of a run in memory
     folder : from which the run was read back
     known : its summary, where it was read back
+    identity : which run it is; None of one that version 0.1.0 left
+    signal : number of the signal that ended it, 0 where none did
     """
 
     scenario: Scenario
@@ -105,6 +107,8 @@ class RunRecord:
     folder: Path | None = None
     known: Summary | None = None
     model_sha256: str = ""
+    identity: RunIdentity | None = None
+    signal: int = 0
 
     def __getitem__(self, name: str) -> Vector:
         """Return one column of the trace (rows,)."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import pyarrow as pa
@@ -17,6 +18,7 @@ from dualbend.control.controller import Command
 from dualbend.control.controller import Observation as Observed
 from dualbend.control.force_torque import WrenchReading
 from dualbend.errors import InputError, refusing
+from dualbend.files import whole_file, write_all
 from dualbend.scene.ik import IKSolution
 from dualbend.scene.simulation import Observation
 from dualbend.types import SIDES, Vector
@@ -116,6 +118,13 @@ class Trace:
             )
         return self._qpos[: self.rows]
 
+    def equals(self, other: Trace) -> bool:
+        """Tell whether another trace has the same columns, units and numbers, NaN included."""
+        same = self.columns == other.columns and self.rows == other.rows
+        return same and np.array_equal(
+            self._table[: self.rows], other._table[: other.rows], equal_nan=True
+        )
+
     def table(self, metadata: dict[str, str], first: int = 0) -> pa.Table:
         """Return the trace from row ``first`` on as an Arrow table, each field with its unit."""
         fields = [
@@ -124,10 +133,6 @@ class Trace:
         schema = pa.schema(fields, metadata={"dualbend": json.dumps(metadata)})
         arrays = [pa.array(self._table[first : self.rows, i]) for i in range(len(fields))]
         return pa.Table.from_arrays(arrays, schema=schema)
-
-    def write(self, path: Path, metadata: dict[str, str]) -> None:
-        """Write the trace as Parquet."""
-        pq.write_table(self.table(metadata), path)
 
 
 class TraceRecorder(Trace):
@@ -262,33 +267,57 @@ class TraceStream:
     """A trace on disk while its run goes on: what was written is there whatever ends the process.
 
     An Arrow stream, a batch a second; :func:`read_trace` reads it, finished or not.
+
+    Parameters
+    ----------
+    path
+        Says where; asked when there is a first batch, which replaces a file that is there.
+    metadata
+        Says what the stream says of its run; asked then, too.
     """
 
     _BATCH_ROWS = round(1.0 / COMMAND_PERIOD_S)
 
-    def __init__(self, path: Path, metadata: dict[str, str]) -> None:
+    def __init__(self, path: Callable[[], Path], metadata: Callable[[], dict[str, str]]) -> None:
         self._path, self._metadata = path, metadata
-        self._file = path.open("wb")
-        self._writer: pa.ipc.RecordBatchStreamWriter | None = None
+        self._about: dict[str, str] = {}
+        self._file: IO[bytes] | None = None
         self._written = 0
 
     def update(self, trace: Trace) -> None:
         """Write what is new, once a second of simulated time."""
-        if trace.rows - self._written < self._BATCH_ROWS:
-            return
-        table = trace.table(self._metadata, self._written)
-        self._written = trace.rows
-        # A disk that is full ends the stream, not the run.
-        with suppress(OSError):
-            if self._writer is None:
-                self._writer = pa.ipc.new_stream(self._file, table.schema)
-            self._writer.write_table(table)
-            self._file.flush()
+        if trace.rows - self._written >= self._BATCH_ROWS:
+            # A disk that is full does not end the run; when it has room again, nothing is missing.
+            with suppress(OSError):
+                self._append(trace)
 
-    def close(self) -> None:
-        """Stop writing; the file stays."""
+    def close(self, trace: Trace | None) -> None:
+        """Write the rest of a trace and stop; the file stays."""
         with suppress(OSError):
+            if trace is not None and trace.rows > self._written:
+                self._append(trace)
+        if self._file is not None:
             self._file.close()
+
+    def _append(self, trace: Trace) -> None:
+        self._about = self._about or self._metadata()
+        table = trace.table(self._about, self._written)
+        batches = b"".join(batch.serialize().to_pybytes() for batch in table.to_batches())
+        if self._file is None:
+            # Unbuffered: what failed to be written is not tried again behind our back.
+            with whole_file(self._path()) as part:
+                file = part.open("wb", buffering=0)
+                write_all(file, table.schema.serialize().to_pybytes() + batches)
+            self._file = file
+        else:
+            whole = self._file.tell()
+            try:
+                write_all(self._file, batches)
+            except OSError:
+                self._file.seek(whole)
+                self._file.truncate()
+                raise
+        self._written = trace.rows
 
 
 def read_trace(path: Path) -> pa.Table:

@@ -18,6 +18,7 @@ from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
 from dualbend.errors import InputError, writing
 from dualbend.evaluation.metrics import peak_by_piece
+from dualbend.files import write_whole
 from dualbend.run.known_sheet import make_admittance
 from dualbend.run.make import make_run
 from dualbend.scenario.scenario import Scenario, without_none
@@ -238,4 +239,4 @@ def write_scenario(tuning: Tuning, base: str, path: Path) -> None:
         "compliance": without_none(msgspec.to_builtins(tuning.found.compliance)),
     }
     with writing(path, "--out"):
-        path.write_text(tomli_w.dumps(table), encoding="utf-8")
+        write_whole(path, tomli_w.dumps(table))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from dualbend.errors import DualbendError
+from dualbend.errors import DualbendError, Interrupted
 from dualbend.evaluation.metrics import WALL_CLOCK
 from dualbend.run.loop import Run
 from dualbend.run.record import Metric, RunRecord
@@ -17,8 +17,8 @@ RAISED: Final = "error"
 def result_of(run: Run) -> RunRecord:
     """Run to the end; KeyboardInterrupt where the user ended it: half a run is no result."""
     result = run.run()
-    if result.reason.startswith("interrupted"):
-        raise KeyboardInterrupt
+    if result.signal:
+        raise Interrupted(result.signal)
     return result
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,10 +16,11 @@ from typing import IO, Any, Generic, TypeVar
 
 import msgspec
 
-from dualbend.errors import InputError, refusing
-from dualbend.run.output import prepare_folder, uninterrupted
+from dualbend.errors import InputError, refusing, writing
+from dualbend.files import locked_folder, write_all, write_whole
+from dualbend.run.disk.output import uninterrupted
 
-STUDY, RUNS, LOCK = "study.json", "runs.jsonl", ".lock"
+STUDY, RUNS = "study.json", "runs.jsonl"
 
 Row = TypeVar("Row")
 
@@ -45,16 +45,13 @@ class StudyFolder(Generic[Row]):
         Raises InputError where it holds another study, is in use or cannot be used, or a line is
         no row.
         """
-        prepare_folder(self.folder)
-        with self._locked():
-            try:
+        with locked_folder(self.folder):
+            with writing(self.folder, "--out"):
                 self._make()
                 rows = self._read()
-                file = (self.folder / RUNS).open("ab")
-            except OSError as error:
-                raise InputError(f"--out {self.folder}: {error.strerror or error}") from error
+                file = (self.folder / RUNS).open("ab", buffering=0)
             with file:
-                yield rows, lambda row: _append(file, row)
+                yield rows, lambda row: self._append(file, row)
 
     def _make(self) -> None:
         path = self.folder / STUDY
@@ -68,10 +65,8 @@ class StudyFolder(Generic[Row]):
                 f"--out {self.folder}: has {RUNS} but no {STUDY}: whose runs are they?"
             )
         for file, text in self.files.items():
-            (self.folder / file).write_text(text, encoding="utf-8")
-        part = path.with_suffix(".part")
-        part.write_text(json.dumps(self.study, indent=2) + "\n", encoding="utf-8")
-        part.replace(path)
+            write_whole(self.folder / file, text)
+        write_whole(path, json.dumps(self.study, indent=2) + "\n")
 
     def _refuse_other(self, found: object) -> None:
         for key, value in self.study.items():
@@ -99,35 +94,8 @@ class StudyFolder(Generic[Row]):
                 rows.append(msgspec.json.decode(text, type=self.row))
         return rows
 
-    @contextmanager
-    def _locked(self) -> Iterator[None]:
-        """Keep other processes out; the system takes the lock back whatever ends this one."""
-        with (self.folder / LOCK).open("ab") as file:
-            try:
-                _lock(file)
-            except OSError as error:
-                raise InputError(
-                    f"--out {self.folder}: another process is writing to it; "
-                    "wait for its end, or give another folder"
-                ) from error
-            yield
-
-
-def _append(file: IO[bytes], row: object) -> None:
-    with uninterrupted():
-        file.write(msgspec.json.encode(row) + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _lock(file: IO[bytes]) -> None:
-        msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-
-else:
-    import fcntl
-
-    def _lock(file: IO[bytes]) -> None:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    def _append(self, file: IO[bytes], row: Row) -> None:
+        """Write a row to the disk; InputError where that is full, say."""
+        with uninterrupted(), writing(self.folder / RUNS, "--out"):
+            write_all(file, msgspec.json.encode(row) + b"\n")
+            os.fsync(file.fileno())

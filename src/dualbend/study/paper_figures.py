@@ -8,15 +8,15 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from dualbend.errors import writing
 from dualbend.report.figures import ANGLE, draw, save
 from dualbend.report.moment import knots_of, moment_curves, moment_plot
 from dualbend.report.page import PAPER_FIGURES, write_report
 from dualbend.report.plot import Axis, Plot
-from dualbend.run import output
+from dualbend.run.disk.folder import run_folder
+from dualbend.run.disk.output import write_numbers
+from dualbend.run.disk.saved import load_run
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
-from dualbend.run.saved import load_run
 from dualbend.scenario.load import load_scenario
 from dualbend.study.engine import Study
 from dualbend.study.processes import in_processes
@@ -40,10 +40,10 @@ def make_figures(
     written to, or a process died.
     """
     folders = {name: out / name for name in PAPER_FIGURES}
-    for folder in folders.values():
-        output.prepare_folder(folder)
-    for name in folders:
+    for name, folder in folders.items():
         load_scenario(name, settings)
+        with run_folder(folder):
+            pass
     study = Study(
         design=list(folders),
         task=lambda name: (name, tuple(settings), folders[name]),
@@ -65,11 +65,8 @@ def make_figures(
 def _run(name: str, settings: Sequence[str], folder: Path) -> str:
     """Run a scenario, leave what a report is made from, and return its name."""
     result = make_run(load_scenario(name, settings)).run()
-    with writing(folder, "--out"):
-        (folder / "trace.arrow").unlink(missing_ok=True)  # of an earlier run that was killed
-        output.write_scenario(result, folder / "scenario.toml")
-        output.write_trace(result, folder / "trace.parquet")
-        output.write_summary(result, folder / "summary.json")
+    with run_folder(folder) as kept:
+        write_numbers(result, kept)
     return name
 
 

@@ -14,6 +14,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
 from dualbend.errors import InputError
+from dualbend.run.disk.output import ENDING
 from dualbend.study.engine import Arguments, Key, Lost, Place, Row, WorkerDiedError, as_they_end
 
 DIED = "the process that ran it died, also when it ran alone"
@@ -94,7 +95,11 @@ def _pool(count: int) -> Iterator[Executor]:
 
 def _belong_to_the_parent() -> None:
     """Leave interrupts to the parent, and end when it does, also where it is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in ENDING:
+        signal.signal(number, signal.SIG_DFL if number == signal.SIGTERM else signal.SIG_IGN)
+    if os.name == "posix":
+        # Blocked while the process began; the parent ends it by this.
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_follow, args=(parent,), daemon=True).start()

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from dualbend.errors import writing
+from dualbend.files import write_whole
 from dualbend.study.onset.results import Case, OnsetStudy
 from dualbend.table import Table, shown
 
@@ -37,8 +38,8 @@ def write_report(found: OnsetStudy, folder: Path) -> None:
     """Write ``onset.md`` and ``onset.json``; InputError where that fails."""
     with writing(folder, "--out"):
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "onset.md").write_text(report(found), encoding="utf-8")
-        (folder / "onset.json").write_bytes(msgspec.json.format(msgspec.json.encode(found)))
+        write_whole(folder / "onset.md", report(found))
+        write_whole(folder / "onset.json", msgspec.json.format(msgspec.json.encode(found)))
 
 
 def summary(found: OnsetStudy) -> str:

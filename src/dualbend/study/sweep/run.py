@@ -15,6 +15,7 @@ import msgspec
 
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import versions
+from dualbend.files import write_whole
 from dualbend.run.make import make_run
 from dualbend.run.record import Metric
 from dualbend.scenario.scenario import Scenario
@@ -86,7 +87,7 @@ def run_sweep(
         files={SCENARIO: text, SWEEP: complete},
     )
     rows = study.run(place, kept, on_run)
-    (folder / SWEEP).write_text(complete, encoding="utf-8")  # its metrics may be others
+    write_whole(folder / SWEEP, complete)  # its metrics may be others
     return rows
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dualbend.errors import InputError, writing
 from dualbend.evaluation.metrics import side_by_side, versions
+from dualbend.files import whole_file
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import Sweep
 from dualbend.study.sweep.keys import known_keys
@@ -55,10 +56,8 @@ def make_table(sweep: Sweep, design: Design, rows: Sequence[RunRow]) -> pa.Table
 def write_table(table: pa.Table, folder: Path) -> None:
     """Write ``table.parquet``; the old one stays whole until the new one is."""
     path = folder / TABLE
-    part = path.with_suffix(".part")
-    with writing(path):
+    with writing(path), whole_file(path) as part:
         pq.write_table(table, part)
-        part.replace(path)
 
 
 def key_unit(name: str) -> str:

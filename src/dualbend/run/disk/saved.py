@@ -12,17 +12,13 @@ import msgspec
 import pyarrow as pa
 
 from dualbend.errors import InputError, refusing
+from dualbend.run.disk.folder import LOG, NUMBERS, UNFINISHED, settle
 from dualbend.run.record import RunRecord, Summary
 from dualbend.run.trace import Trace, read_trace
 from dualbend.scenario.load import load_scenario, parse_scenario
 from dualbend.scenario.scenario import Scenario
 
-FILES = ("scenario.toml", "summary.json", "trace.parquet")
-"""What makes a folder a run; pictures and recording are made from these."""
-
-_STREAM = "trace.arrow"
-
-UNFINISHED = "ended from outside"
+ENDED_FROM_OUTSIDE = "ended from outside"
 """Outcome of a run that did not live to write its summary."""
 
 
@@ -39,20 +35,21 @@ def load_run(folder: Path | str, *, unfinished: bool = False) -> RunRecord:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; it should be one that dualbend run left")
-    # Beside a run's files it is of a later run: one that finishes takes it away.
-    if unfinished and (folder / _STREAM).is_file():
-        return _load_unfinished(folder)
-    if missing := ", ".join(name for name in FILES if not (folder / name).is_file()):
-        if (folder / _STREAM).is_file():
-            raise InputError(
-                f"{folder}: the run was ended before it could write {missing}: "
-                f"there is only {_STREAM}; run it again"
-            )
+    settle(folder)
+    if missing := ", ".join(name for name in NUMBERS if not (folder / name).is_file()):
+        for log in (folder / LOG, folder / UNFINISHED / LOG):
+            if log.is_file():
+                if unfinished:
+                    return _load_unfinished(log)
+                raise InputError(
+                    f"{folder}: the run was ended before it could write {missing}: "
+                    f"there is only {log.relative_to(folder)}; run it again"
+                )
         raise InputError(
             f"{folder}: no folder of a run: there is no {missing}; "
             f"dualbend run SCENARIO --out {folder} makes one"
         )
-    scenario_file, summary_file, trace_file = (folder / name for name in FILES)
+    scenario_file, summary_file, trace_file = (folder / name for name in NUMBERS)
     try:
         scenario = load_scenario(str(scenario_file))
     except InputError as error:
@@ -81,8 +78,7 @@ def _record(folder: Path, scenario: Scenario, summary: Summary, table: pa.Table)
     )
 
 
-def _load_unfinished(folder: Path) -> RunRecord:
-    path = folder / _STREAM
+def _load_unfinished(path: Path) -> RunRecord:
     table = _whole_trace(path)
     text = _metadata(table).get("scenario_toml")
     if text is None:
@@ -91,12 +87,12 @@ def _load_unfinished(folder: Path) -> RunRecord:
     summary = Summary(
         scenario=scenario.name,
         seed=scenario.seed,
-        outcome=UNFINISHED,
-        reason=f"killed, or still running; {_STREAM} has {table.num_rows} cycles",
+        outcome=ENDED_FROM_OUTSIDE,
+        reason=f"killed, or still running; {LOG} has {table.num_rows} cycles",
         versions={},
         metrics={},
     )
-    return _record(folder, scenario, summary, table)
+    return _record(path.parent, scenario, summary, table)
 
 
 def _metadata(table: pa.Table) -> dict[str, str]:
@@ -127,7 +123,7 @@ def _read_summary(path: Path) -> Summary:
 
 def _whole_trace(path: Path) -> pa.Table:
     table = read_trace(path)
-    if not table.num_rows and path.name == _STREAM:
+    if not table.num_rows and path.name == LOG:
         raise InputError(f"{path}: the run was ended before its first second was kept")
     needed = {"time", "phase", "nominal_alpha"} - set(table.column_names)
     if needed:

@@ -1,0 +1,117 @@
+"""The folder that a run leaves: scenario, summary, trace, picture and recording."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import mujoco
+import numpy as np
+import pyarrow.parquet as pq
+
+from dualbend.errors import InputError, refusing, writing
+from dualbend.run.disk.folder import LOG, UNFINISHED, RunFolder
+from dualbend.run.record import RunRecord
+from dualbend.run.trace import Trace, read_trace
+
+ENDING = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+"""Signals that ask a process to end."""
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let signals that ask for an end wait: what took long to compute is written in a second or so.
+
+    A process that is started meanwhile has them blocked, where the system can do that.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    # What is ignored stays ignored; None: set by no Python program, and not to be set again.
+    before = {number: signal.getsignal(number) for number in ENDING}
+    before = {k: v for k, v in before.items() if v not in (signal.SIG_IGN, None)}
+    for number in before:
+        signal.signal(number, lambda number, _: came.append(number))
+    blocked = hasattr(signal, "pthread_sigmask")
+    if blocked:
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, before)
+    try:
+        yield
+    finally:
+        if blocked:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if came:
+        signal.raise_signal(came[0])
+
+
+def write_numbers(result: RunRecord, kept: RunFolder) -> None:
+    """Write scenario, trace and summary of a run in the place of an earlier one's.
+
+    The log of the run goes when the trace that replaces it has been read back.
+
+    Raises InputError where a file cannot be written, or cannot be read back: then the folder holds
+    the earlier run, if any, and the log.
+    """
+    writers = {
+        "scenario.toml": _write_scenario,
+        "trace.parquet": _write_trace,
+        "summary.json": _write_summary,
+    }
+    log = Path(UNFINISHED) / LOG
+    with writing(kept.folder, "--out"):
+        folder, logged = kept.unfinished, (kept.folder / log).exists()
+    for name, write in writers.items():
+        rest = f"; its log is {kept.folder / log}" if logged else ""
+        with refusing(f"--out {kept.folder}: {name} cannot be written{rest}", OSError, InputError):
+            write(result, folder / name)
+    with refusing(f"--out {kept.folder}: the run cannot be put in place", OSError):
+        kept.swap_in()
+
+
+def _write_scenario(result: RunRecord, path: Path) -> None:
+    """Write ``scenario.toml``, resolved: it makes the same run again."""
+    text = result.scenario.to_toml()
+    named = text if result.identity is None else result.identity.to_toml(text)
+    path.write_text(named, encoding="utf-8")
+
+
+def _write_trace(result: RunRecord, path: Path) -> None:
+    """Write ``trace.parquet``, one row a cycle, units in the columns' metadata; read it back.
+
+    Raises InputError where that cannot be read or reads otherwise.
+    """
+    named = {} if result.identity is None else result.identity.to_metadata()
+    about = {**named, "scenario": result.scenario.name, "outcome": result.outcome}
+    pq.write_table(result.trace.table({**about, "model_sha256": model_hash(result.model)}), path)
+    if not result.trace.equals(Trace.of_table(read_trace(path))):
+        raise InputError("it reads otherwise than it was written")
+
+
+def _write_summary(result: RunRecord, path: Path) -> None:
+    """Write ``summary.json``."""
+    text = json_text(msgspec.structs.replace(result.summary, run=result.identity).to_json())
+    path.write_text(text, encoding="utf-8")
+
+
+def json_text(content: dict[str, Any]) -> str:
+    """Return JSON as a person reads it."""
+    return json.dumps(content, indent=2, allow_nan=False) + "\n"
+
+
+def model_hash(model: mujoco.MjModel) -> str:
+    """Return the SHA-256 of the compiled model: equal models make equal runs."""
+    buffer = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
+    mujoco.mj_saveModel(model, None, buffer)
+    return hashlib.sha256(buffer.tobytes()).hexdigest()
