@@ -33,8 +33,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     if target.exists() and not target.is_file():
         yield path
         return
-    # The ending stays: it tells some writers the format.
-    part = target.with_name(f".part-{target.name}")
+    part = part_of(target)
     try:
         yield part
         part.replace(target)
@@ -42,6 +41,11 @@ def whole_file(path: Path) -> Iterator[Path]:
         with suppress(OSError):
             part.unlink(missing_ok=True)
         raise
+
+
+def part_of(path: Path) -> Path:
+    """Return what a file is written as; its ending stays, which tells some writers the format."""
+    return path.with_name(f".part-{path.name}")
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dualbend.errors import InputError, writing
-from dualbend.files import locked_folder
+from dualbend.files import locked_folder, part_of, write_whole
 from dualbend.run.loop import Run
 from dualbend.run.trace import TraceStream
 
@@ -63,9 +63,7 @@ class RunFolder:
         """
         for name in NUMBERS:
             _to_disk(self.unfinished / name)
-        part = self.unfinished / f".part-{_COMPLETE}"
-        part.touch()
-        part.replace(self.unfinished / _COMPLETE)
+        write_whole(self.unfinished / _COMPLETE, "")
         _move(self.folder)
 
 
@@ -112,14 +110,16 @@ def _move(folder: Path) -> None:
     """Move complete numbers from ``unfinished`` into the folder; every step may be done already."""
     unfinished = folder / UNFINISHED
     # An earlier run's must not be taken for the new one's; so must no log of version 0.1.0.
-    for name in (*PICTURES, LOG):
-        (folder / name).unlink(missing_ok=True)
+    for path in (folder / name for name in (*PICTURES, LOG)):
+        path.unlink(missing_ok=True)
+        part_of(path).unlink(missing_ok=True)
     for name in NUMBERS:
         if (unfinished / name).exists():
             (unfinished / name).replace(folder / name)
     # The mark last: until then all of this is done again.
-    for name in (*PICTURES, LOG, _COMPLETE):
-        (unfinished / name).unlink(missing_ok=True)
+    for path in (unfinished / name for name in (*PICTURES, LOG, _COMPLETE)):
+        path.unlink(missing_ok=True)
+        part_of(path).unlink(missing_ok=True)
     with suppress(OSError):  # of the user's own
         unfinished.rmdir()
 
