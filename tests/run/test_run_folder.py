@@ -136,6 +136,8 @@ def test_an_unreadable_trace_keeps_the_log_and_the_earlier_run(
         log = tmp_path / "unfinished" / "trace.arrow"
         assert read_trace(log).num_rows == result.trace.rows
         assert seed_of(tmp_path) == 1
+        told = CliRunner().invoke(main, ["report", str(tmp_path)])
+        assert f"a later run did not end; dualbend report {log.parent} shows it" in told.output
         output.write_numbers(result, kept)
     assert not log.exists()
     assert seed_of(tmp_path) == 2

@@ -23,10 +23,16 @@ def report(runs: tuple[Path, ...], out: Path | None) -> None:
     page opens without a network.
     """
     from dualbend.report.page import write_report
+    from dualbend.run.disk.folder import later_log
 
     if out is None:
         out = runs[0] / "report.html" if len(runs) == 1 else Path("report.html")
     write_report(runs, out)
+    for folder in runs:
+        if (later := later_log(folder)) is not None:
+            click.echo(
+                f"{folder}: a later run did not end; dualbend report {later} shows it", err=True
+            )
     click.echo(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
 
 

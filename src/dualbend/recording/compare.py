@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from dualbend.recording.geometry import DECIMALS, in_world
 from dualbend.recording.layers import view
-from dualbend.recording.log import TIMELINE, RecordingLog, new_stream, row_times
+from dualbend.recording.log import TIMELINE, RecordingLog, new_stream, row_times, saved
 from dualbend.recording.plots import BRIGHT, DULL
 from dualbend.run.record import RunRecord
 from dualbend.types import SIDES
@@ -34,11 +34,9 @@ def write_compared_recording(
     ``/grips`` has the grips and their ways in 3D (world frame, m). ``text`` is shown beside them.
     OSError where ``path`` cannot be written.
     """
-    path.write_bytes(b"")  # refuses a bad path; rerun itself would only warn
     name = f"{labels[0]} and {labels[1]}"
     stream = new_stream(name)
-    stream.save(path, default_blueprint=_layout(runs, labels))
-    try:
+    with saved(stream, path, _layout(runs, labels)):
         stream.send_recording_name(name)
         stream.log("comparison", rr.TextDocument(text), static=True)
         stream.log("grips", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -47,8 +45,6 @@ def write_compared_recording(
             _log_plots(log, run, label, i)
             _log_grips(log, run, label, i)
             _log_phases(log, run, i)
-    finally:
-        stream.disconnect()
 
 
 def _log_plots(log: RecordingLog, run: RunRecord, label: str, i: int) -> None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from dualbend.files import write_whole
 from dualbend.run.record import RunRecord
 from dualbend.types import Vector
 
@@ -31,6 +36,21 @@ def new_stream(name: str) -> rr.RecordingStream:
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     return stream
+
+
+@contextmanager
+def saved(stream: rr.RecordingStream, path: Path, layout: rrb.Blueprint) -> Iterator[None]:
+    """Write what a stream is sent in the block to ``path``, whole, with a layout.
+
+    Raises OSError where ``path`` cannot be written; rerun itself would only print that.
+    """
+    sink = stream.binary_stream()
+    stream.send_blueprint(layout, make_active=False, make_default=True)
+    try:
+        yield
+        write_whole(path, sink.read() or b"")
+    finally:
+        stream.disconnect()
 
 
 def row_times(run: RunRecord) -> Times:

@@ -14,7 +14,14 @@ import rerun.blueprint as rrb
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.recording import plots
 from dualbend.recording.layers import layers_of
-from dualbend.recording.log import FRAME_CYCLES, TIMELINE, RecordingLog, new_stream, row_times
+from dualbend.recording.log import (
+    FRAME_CYCLES,
+    TIMELINE,
+    RecordingLog,
+    new_stream,
+    row_times,
+    saved,
+)
 from dualbend.recording.notes import Notes, guide, story, words
 from dualbend.recording.scales import Scales
 from dualbend.recording.scene import log_paths, log_scene
@@ -49,10 +56,8 @@ def write_recording(result: RunRecord, path: Path, notes: Notes | None = None) -
     OSError
         ``path`` cannot be written.
     """
-    path.write_bytes(b"")  # refuses a bad path; rerun itself would only warn
     stream = open_stream(result)
-    stream.save(path, default_blueprint=layout(result))
-    try:
+    with saved(stream, path, layout(result)):
         log, scales = RecordingLog(stream, row_times(result)), Scales.of(result)
         log_texts(log, result, scales, notes)
         log_scene(log, result, scales)
@@ -60,8 +65,6 @@ def write_recording(result: RunRecord, path: Path, notes: Notes | None = None) -
         if notes is not None:
             log_predicted(log, notes)
         log_lanes(log, result)
-    finally:
-        stream.disconnect()
 
 
 def open_stream(result: RunRecord, kind: str = "") -> rr.RecordingStream:

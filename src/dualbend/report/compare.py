@@ -9,7 +9,7 @@ import msgspec
 
 from dualbend.errors import writing
 from dualbend.evaluation.metrics import side_by_side
-from dualbend.files import whole_file, write_whole
+from dualbend.files import write_whole
 from dualbend.run.record import RunRecord
 from dualbend.table import Column, Columns, Table, percent, relative_change
 
@@ -105,8 +105,7 @@ def write_comparison(
         if record:
             from dualbend.recording.compare import write_compared_recording  # noqa: PLC0415
 
-            with whole_file(folder / "compare.rrd") as part:
-                write_compared_recording((a, b), found.labels, text, part)
+            write_compared_recording((a, b), found.labels, text, folder / "compare.rrd")
 
 
 def _ended(run: RunRecord) -> str:

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dualbend.files import whole_file
+from dualbend.errors import InputError
 from dualbend.report.figures import plot_moment
 from dualbend.run.disk.folder import RunFolder, run_folder
 from dualbend.run.disk.output import write_numbers
@@ -49,8 +49,9 @@ def write_results(
         failures = []
         for name, write in writers.items():
             try:
-                with whole_file(kept.folder / name) as part:
-                    write(part)
+                write(kept.folder / name)
             except OSError as error:
                 failures.append(f"--out {kept.folder}: {name}: {error.strerror or error}")
+            except InputError as error:
+                failures.append(str(error))
         return failures

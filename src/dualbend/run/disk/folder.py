@@ -101,9 +101,10 @@ def settle(folder: Path) -> None:
 
 
 def later_log(folder: Path) -> Path | None:
-    """Return the folder of a later run that did not end, beside a whole one."""
+    """Return the folder of a later run that did not end, if there is one beside a whole run."""
     there = folder / UNFINISHED
-    return there if (there / LOG).is_file() else None
+    both = (there / LOG).is_file() and (folder / NUMBERS[0]).is_file()
+    return there if both else None
 
 
 def _move(folder: Path) -> None:
