@@ -1,7 +1,7 @@
 """Properties as they were written down, by hand, from sources: nothing here is read or computed.
 
 Reference of the rows that check a property. A number here is changed only where its source says
-another one, never to make a row pass.
+another one, never to make a row pass. *Recalled*: known from there, and not looked up again.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dualbend.arm.catalog import ArmName
 class Strip:
     """The strip of the shipped experiment, by hand: 400 x 57 x 0.5 mm of aluminium 5052-H32.
 
-    E = 70.3 GPa, ν = 0.33, ρ = 2680 kg/m³: ASM data sheet MA5052H32. With them
+    E = 70.3 GPa, ν = 0.33, ρ = 2680 kg/m³: ASM data sheet MA5052H32 (recalled). With them
 
     * ρ L w t = 2680 · 0.4 · 0.057 · 0.0005 = 0.030552 kg
     * I = w t³/12 = 0.057 · 1.25e-10 / 12 = 5.9375e-13 m⁴, EI = 0.041740625 N m²
@@ -43,24 +43,42 @@ STRIP: Final = Strip()
 
 @dataclass(frozen=True, kw_only=True)
 class Substance:
-    """What a strip of the size of :data:`STRIP` of a material has: mass [kg] and EI [N m²].
+    """What a strip of the size of :data:`STRIP` of a material has: mass [kg], EI and GJ [N m²].
 
-    Volume 1.14e-5 m³, I = 5.9375e-13 m⁴; ``modulus_within``: how far sources differ about E.
+    Volume 1.14e-5 m³, I = 5.9375e-13 m⁴, J = 2.361875e-12 m⁴; ``within``: how far sources differ
+    about the moduli.
     """
 
     mass_kg: float
     bending_stiffness_nm2: float
-    modulus_within: float
+    torsional_stiffness_nm2: float
+    within: float
 
 
 SUBSTANCES: Final = {
-    # ASM data sheet MA5052H32: 2.68 g/cm³, 70.3 GPa.
-    "5052-H32": Substance(mass_kg=0.030552, bending_stiffness_nm2=0.041740625, modulus_within=0.01),
+    # ASM data sheet MA5052H32: 2.68 g/cm³, 70.3 GPa, 25.9 GPa in shear (recalled).
+    "5052-H32": Substance(
+        mass_kg=0.030552,
+        bending_stiffness_nm2=0.041740625,
+        torsional_stiffness_nm2=0.06117,
+        within=0.03,
+    ),
     # NEMA grade FR-4: specific gravity 1.85 (1.82 in others' tables), 3.5e6 psi = 24 GPa
-    # lengthwise; flexural tests have 2.7e6 psi (least) to 24.3 GPa.
-    "FR-4": Substance(mass_kg=0.02109, bending_stiffness_nm2=0.01425, modulus_within=0.05),
-    # CRC Handbook: copper 8.96 g/cm³; ASM Handbook vol. 2, C11000: 115 to 117 GPa.
-    "copper-foil": Substance(mass_kg=0.102144, bending_stiffness_nm2=0.069469, modulus_within=0.05),
+    # lengthwise; flexural tests have 2.7e6 psi (least) to 24.3 GPa. In the plane's shear 6 GPa, as
+    # of the laminate in the Ansys example of a printed circuit board.
+    "FR-4": Substance(
+        mass_kg=0.02109,
+        bending_stiffness_nm2=0.01425,
+        torsional_stiffness_nm2=0.01417,
+        within=0.05,
+    ),
+    # Recalled. CRC Handbook: copper 8.96 g/cm³; ASM Handbook vol. 2, C11000: 115 to 117 and 44 GPa.
+    "copper-foil": Substance(
+        mass_kg=0.102144,
+        bending_stiffness_nm2=0.069469,
+        torsional_stiffness_nm2=0.10392,
+        within=0.05,
+    ),
 }
 """By the name in the library of materials."""
 
@@ -96,7 +114,8 @@ ARMS: Final[dict[ArmName, Arm]] = {
         range_deg=((-160, 160), (-45, 225), (-225, 45), (-110, 170), (-100, 100), (-266, 266)),
     ),
     # UR3, UR5, UR10: Universal Robots, "DH parameters for calculations of kinematics and
-    # dynamics", CB3 series. Radius √((a2 + a3)² + (d4 + d6)²), height d1 − d5.
+    # dynamics", CB3 series (UR3's and UR5's masses recalled). Radius √((a2 + a3)² + (d4 + d6)²),
+    # height d1 − d5.
     "ur3": Arm(
         links_kg=(2.0, 3.42, 1.26, 0.8, 0.8, 0.35),
         radius_m=0.49648,  # 0.45690, 0.19425
@@ -117,7 +136,7 @@ ARMS: Final[dict[ArmName, Arm]] = {
     ),
     # Franka Control Interface documentation, "Robot and interface specifications": radius a7,
     # height 0.333 + 0.316 + 0.384 − 0.107 m; limits ±2.8973, ±1.7628, −3.0718 ... −0.0698,
-    # −0.0175 ... 3.7525 rad. It publishes no masses.
+    # −0.0175 ... 3.7525 rad (recalled). It publishes no masses.
     "panda": Arm(
         radius_m=0.088,
         height_m=0.926,
@@ -126,7 +145,7 @@ ARMS: Final[dict[ArmName, Arm]] = {
             *((-166, 166), (-1, 215), (-166, 166)),
         ),
     ),
-    # UFACTORY xArm user manual: the zero position is x = 206 mm, z = 120.5 mm; ranges of joints.
+    # UFACTORY xArm user manual: zero position x = 206 mm, z = 120.5 mm; ranges (recalled).
     "xarm7": Arm(
         radius_m=0.206,
         height_m=0.1205,

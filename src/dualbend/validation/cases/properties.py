@@ -135,7 +135,9 @@ def material_rows() -> Iterator[Row]:
         free, what = FreeSheet((f'sheet.material="{name}"',)), f"of a strip of {name}"
         yield _row(f"mass {what}", free.mass_kg(), wanted.mass_kg, "kg", _DENSITY_WITHIN)
         found, reference = free.bending_stiffness_nm2(), wanted.bending_stiffness_nm2
-        yield _row(f"EI {what}", found, reference, "N m2", wanted.modulus_within)
+        yield _row(f"EI {what}", found, reference, "N m2", wanted.within)
+        found, reference = free.torsional_stiffness_nm2(), wanted.torsional_stiffness_nm2
+        yield _row(f"GJ {what}", found, reference, "N m2", wanted.within)
 
 
 def shell_rows() -> Iterator[Row]:
