@@ -244,8 +244,7 @@ def test_an_interrupt_is_one_line_and_no_traceback(
 def test_a_run_tells_what_is_predicted_before_it_starts(
     name: str, words: str, tmp_path: Path
 ) -> None:
-    settings = [*SHORT, "--set", 'expect.outcome=["completed","protective_stop","failed"]']
-    result = call("run", name, *settings, "--no-record", "--out", str(tmp_path))
+    result = call("run", name, *SHORT, "--no-record", "--out", str(tmp_path))
     assert result.exit_code == 0, result.output
     assert result.stderr.startswith(words)
     assert ("predicted" in result.stderr) == bool(words)

@@ -22,7 +22,7 @@ from dualbend.scenario.load import Settings, load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.toml_text import toml
 from dualbend.validation.page import validation_page
-from dualbend.validation.row import relative
+from dualbend.validation.row import of_property, relative
 from icra1995 import beam as audit_beam
 
 ROOT = Path(__file__).parents[1]
@@ -243,12 +243,15 @@ def test_the_moment_per_distance_is_as_the_page_says() -> None:
 
 
 def test_the_validation_page_says_what_the_rows_say() -> None:
-    rows = [relative("right", 1.001, 1.0, "N", 0.01), relative("wr|ong", 2.0, 1.0, "1", 0.01)]
+    rows = [
+        relative("right", 1.001, 1.0, "N", 0.01),
+        of_property(relative("wr|ong", 2.0, 1.0, "1", 0.01)),
+    ]
     page = validation_page(rows, {"mujoco": "4.0.0"})
     assert "1 of 2 rows pass" in page
     assert "mujoco 4.0.0" in page
-    assert "| pass | right (relative) | 1.001 | 1 | N | 0.001 | 0.01 |" in page
-    assert "| **FAIL** | wr\\|ong (relative) | 2 | 1 |  | 1 | 0.01 |" in page
+    assert "| pass | mechanics | right (relative) | 1.001 | 1 | N | 0.001 | 0.01 |" in page
+    assert "| **FAIL** | property | wr\\|ong (relative) | 2 | 1 |  | 1 | 0.01 |" in page
     assert page == validation_page(rows, {"mujoco": "4.0.0"})
 
 

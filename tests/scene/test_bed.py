@@ -204,6 +204,24 @@ def test_millimetres_off_the_sheet_lies_on_the_tips(layout: LayoutConfig, x: flo
     np.testing.assert_allclose(total, [0.0, 0.0, WEIGHT_N], atol=0.01 * WEIGHT_N)
 
 
+@pytest.mark.parametrize("friction", [0.1, 0.2, 0.4])
+def test_a_sheet_on_the_tips_slides_from_the_pins_friction_on(friction: float) -> None:
+    """Coulomb: it stays below μ W, and beyond goes away with (F/W − μ) g."""
+    scene = Scene(LayoutConfig(pins=PinsConfig(friction=friction)))
+    scene.put(3e-3, 0.0, scene.layout.pins.height_m + 5e-4)
+    scene.fall()
+    model, data = scene.model, scene.data
+    start, middle = data.qpos.copy(), model.body(strip_body(STRIPS.hinges // 2)).id
+    steps = 60
+    for share in (0.9, 1.5):
+        data.qpos[:], data.qvel[:] = start, 0.0
+        data.xfrc_applied[middle, 0] = share * friction * WEIGHT_N
+        mujoco.mj_step(model, data, nstep=steps)
+        moved = 2.0 * (data.qpos[0] - start[0]) / (steps * STEP_S) ** 2 / GRAVITY_M_PER_S2
+        # Analytic, but for a soft contact, which creeps, and a weight that the tips share anew.
+        assert moved == pytest.approx(max(share - 1.0, 0.0) * friction, abs=0.1 * 0.5 * friction)
+
+
 def test_the_pins_sensors_tell_the_sum_and_the_largest_of_their_contacts() -> None:
     """On the tips, four pins share the weight; each one's force is that of its contacts."""
     scene = fallen(ROUND, 3e-3, 0.0, 0.0)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from dualbend.arm.mjcf import FT_SITE, GRIP_SITE
 from dualbend.beam import elastica
 from dualbend.beam.rod.tangent import sheet_tangent, sheet_wrench, solve_grips
 from dualbend.errors import InputError
+from dualbend.run.cell import RobotCell
 from dualbend.scenario.load import load_scenario
+from dualbend.scene.simulation import tool_mass_and_centre
 from dualbend.stability.plant.environment import environments, scenario_coupling
 from dualbend.stability.plant.equilibrium import find_equilibrium, sheet_mass
 from dualbend.stability.plant.pose import PosedArm
@@ -140,6 +144,39 @@ def test_tool_mode_moves_along_the_grip_and_a_wrong_lever_mixes_forces_in() -> N
     np.testing.assert_allclose(coupling.reading[1], [-0.02 * s, -0.02 * c, 1.0], rtol=1e-12)
     frozen = scenario_coupling(load_scenario("fig8", ['robot.alter.mode="tool-frozen"']), 0.5)
     np.testing.assert_allclose(frozen.deviation_jacobian[:, 0], [1.0, 0.0, 0.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("alpha", [0.2, 0.8])
+def test_an_arm_that_moves_its_sensor_feels_its_own_tool(alpha: float) -> None:
+    """F = m ẍ and M = (r × F)_y + I α̈ of what hangs beyond the sensor; the sheet's comes on top."""
+    scenario = load_scenario("fig8")
+    (at,) = environments(scenario, [alpha])
+    x, _, slope = on_path(alpha)[:3]
+    height = scenario.cell.sheet_height_m + elastica.rise(alpha, L)
+    cell = RobotCell(scenario, np.array([x, height, slope]))
+    model = cell.ik.model
+    data = mujoco.MjData(model)
+    data.qpos[:] = cell.home
+    mujoco.mj_kinematics(model, data)
+    mass, centre = tool_mass_and_centre(model, "left")
+    sensor, grip = data.site(f"left_{FT_SITE}"), data.site(f"left_{GRIP_SITE}")
+    along, _, up = sensor.xpos + sensor.xmat.reshape(3, 3) @ centre - grip.xpos
+    (arm,) = at.arms.values()
+    sheet = sheet_mass(SHEET, solve_grips(SHEET, on_path(alpha) + at.moved))
+    own = arm.mass_read - sheet[[0, 2], :3]
+    # Analytic: first and second moments of mass, of MuJoCo's sum over the bodies of the tool.
+    np.testing.assert_allclose(own[0], mass * np.array([1.0, 0.0, up]), atol=1e-6 * mass)
+    np.testing.assert_allclose(own[1, :2], mass * np.array([up, -along]), atol=1e-6 * mass)
+    assert own[1, 2] > mass * (along**2 + up**2)
+
+
+def test_an_arm_that_follows_the_others_sensor_reads_none_of_its_own_tool() -> None:
+    crossed = load_scenario("fig8", ['compliance.sensing=["right"]'])
+    (at,) = environments(crossed, [0.5])
+    (alone,) = environments(load_scenario("fig8"), [0.5])
+    (arm,), (own,) = at.arms.values(), alone.arms.values()
+    # The other hand stands still: what is left is the sheet's 31 g of the 0.6 kg.
+    assert abs(arm.mass_read[0, 0]) < 0.1 * own.mass_read[0, 0]
 
 
 def test_a_pose_out_of_reach_is_named() -> None:

@@ -10,7 +10,7 @@ from dualbend.validation import table as validation
 from dualbend.validation.row import absolute, at_least, at_most, relative
 from dualbend.validation.table import Row, run_validation
 
-KEYS = ["name", "measured", "reference", "unit", "error", "tolerance", "passed"]
+KEYS = ["name", "checks", "measured", "reference", "unit", "error", "tolerance", "passed"]
 
 
 def test_relative_error_is_of_the_reference_unless_a_scale_is_given() -> None:

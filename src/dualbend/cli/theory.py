@@ -105,6 +105,6 @@ def _show_row(row: Row) -> None:
     verdict = "pass" if row.passed else "FAIL"
     allowed = f"error {row.error:.2g} of {row.tolerance:.2g}" if row.tolerance else ""
     click.echo(
-        f"{verdict}  {row.name:<70}{row.measured:>12.5g}{row.reference:>12.5g} "
+        f"{verdict}  {row.checks:<9}  {row.name:<70}{row.measured:>12.5g}{row.reference:>12.5g} "
         f"{row.unit:<8} {allowed}".rstrip()
     )

@@ -223,6 +223,6 @@ def environment_loops(
 ) -> dict[ModeName, SampledLoop]:
     """Return the sampled loop of each mode in which the arms can move at one bending angle."""
     return {
-        mode: SampledLoop(elements, stiffness, acting, at.inertia, at.arms[mode], at.alpha_rad)
+        mode: SampledLoop(elements, stiffness, acting, arm=at.arms[mode], alpha_rad=at.alpha_rad)
         for mode, stiffness in at.loops.items()
     }

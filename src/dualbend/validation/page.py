@@ -18,6 +18,10 @@ What is in brackets at the end of a row's name says how the error is formed: *re
 |measured − reference|, *at most* and *at least* what is beyond the reference. A row passes where
 its error is not above the allowed one. Errors near 1e-15 are rounding and differ between machines.
 
+A row checks *mechanics* where both sides read the same properties: a wrong modulus would pass. It
+checks a *property* where the reference is a number written down from a source, a table or a
+calculation by hand (`src/dualbend/validation/handbook.py` and `dh.py` name them).
+
 Measured with {versions}.
 """
 
@@ -30,13 +34,13 @@ def validation_page(rows: Sequence[Row], versions: Mapping[str, str]) -> str:
         versions=", ".join(f"{name} {number}" for name, number in versions.items()),
     )
     columns = (
-        *("", "what", "measured", "reference", "unit"),
+        *("", "checks", "what", "measured", "reference", "unit"),
         *(Column("error", format=".2g"), Column("allowed", format=".2g")),
     )
     cells = [
         (
             "pass" if row.passed else "**FAIL**",
-            *(row.name, row.measured, row.reference),
+            *(row.checks, row.name, row.measured, row.reference),
             "" if row.unit == "1" else row.unit,
             *(row.error, row.tolerance),
         )

@@ -1,11 +1,14 @@
 """One line of the validation table: what was measured, against what, and whether that is enough."""
 
 import math
+from typing import Literal
 
 import msgspec
 import numpy as np
 
 from dualbend.types import Vector
+
+Checks = Literal["mechanics", "property"]
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
@@ -14,15 +17,24 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     ``error`` is what is compared with ``tolerance``; the name ends with how it is formed:
     ``(relative)`` |measured − reference| over a scale, ``(absolute)`` |measured − reference|,
     ``(at most)`` the excess over the reference, ``(at least)`` what is missing to it.
+
+    ``checks``: the mechanics alone, where both sides read the same properties and a wrong one
+    passes; a property, where the reference is a number that was written down from a source.
     """
 
     name: str
+    checks: Checks = "mechanics"
     measured: float
     reference: float
     unit: str
     error: float
     tolerance: float
     passed: bool
+
+
+def of_property(row: Row) -> Row:
+    """Return a row whose reference was written down from a source, marked as such."""
+    return msgspec.structs.replace(row, checks="property")
 
 
 def relative(

@@ -7,7 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from dualbend.validation.cases import arm, assembly, cell, material, modes, runs, sheet, space, urdf
+from dualbend.arm.model import PUMA
+from dualbend.validation.cases import (
+    arm,
+    assembly,
+    cell,
+    material,
+    modes,
+    properties,
+    runs,
+    sheet,
+    space,
+    urdf,
+)
 from dualbend.validation.cases import shell as plate
 from dualbend.validation.row import Row
 
@@ -21,7 +33,7 @@ def run_validation(
 
     With ``shell`` the rows are those of the plate instead, which take a minute.
     """
-    return _collect(plate.shell_rows() if shell else _rows(), on_row)
+    return _collect(_shell_rows() if shell else _rows(), on_row)
 
 
 def run_arm_validation(name: str, on_row: Callable[[Row], None] | None = None) -> list[Row]:
@@ -41,7 +53,14 @@ def _collect(found: Iterator[Row], on_row: Callable[[Row], None] | None) -> list
     return rows
 
 
+def _shell_rows() -> Iterator[Row]:
+    yield from properties.shell_rows()
+    yield from plate.shell_rows()
+
+
 def _rows() -> Iterator[Row]:
+    yield from properties.strip_rows()
+    yield from properties.material_rows()
     yield from sheet.load_rows()
     yield sheet.order_row("sheet force", sheet.convergence_order())
     yield from material.laminate_rows()
@@ -49,6 +68,7 @@ def _rows() -> Iterator[Row]:
     yield from modes.frequency_rows()
     yield from space.space_rows()
     yield from arm.table_rows()
+    yield from properties.arm_rows(PUMA)
     yield from cell.response_rows()
     yield from cell.stiffness_rows()
     yield from arm.held_weight_rows()

@@ -24,7 +24,7 @@ from dualbend.scene.simulation import tool_mass_and_centre
 from dualbend.types import Vector
 from dualbend.validation import dh
 from dualbend.validation.lagrange import SerialArm
-from dualbend.validation.row import Row, absolute
+from dualbend.validation.row import Row, absolute, of_property
 
 _SEED = 20
 _SIDE = "left"
@@ -47,7 +47,8 @@ def table_rows(configurations: int = 30) -> Iterator[Row]:
     model, armature = arm.load_puma().compile(), [row.armature_kg_m2 for row in dh.PUMA560]
     angles = random_configurations(configurations)
     name = "arm {}, rel. difference from the DH table"
-    yield from difference_rows(name, model, dh.puma(), armature, angles, 1e-6)
+    for row in difference_rows(name, model, dh.puma(), armature, angles, 1e-6):
+        yield of_property(row)
 
 
 def difference_rows(

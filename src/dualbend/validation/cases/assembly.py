@@ -19,7 +19,7 @@ from dualbend.task.assembly.metrics import (
 )
 from dualbend.task.assembly.run import AssemblyRun
 from dualbend.validation.cases.runs import metric
-from dualbend.validation.row import Row, absolute, at_most
+from dualbend.validation.row import Row, absolute, at_least, at_most
 
 SHEETS = {"pwb": 1, "pwb-misaligned": 1, "pwb-tight": 1, "pwb-stack": 3}
 SPACING_WITHIN_M = 0.05e-3
@@ -33,8 +33,16 @@ def assembly_rows() -> Iterator[Row]:
     for name, sheets in SHEETS.items():
         runs[name] = result = AssemblyRun(load_scenario(name)).run()
         yield from _seated(name, result, 4 * sheets)
-    rigid = AssemblyRun(load_scenario("pwb-rigid")).run()
-    ratio = _peak_pin(runs["pwb-misaligned"]) / _peak_pin(rigid)
+    yield from _rigid(AssemblyRun(load_scenario("pwb-rigid")).run(), runs["pwb-misaligned"])
+
+
+def _rigid(rigid: RunRecord, compliant: RunRecord) -> Iterator[Row]:
+    """Check that arms that do not yield seat no hole and are stopped by the force on a pin."""
+    yield absolute("pwb-rigid ends in failure", float(rigid.outcome == "failed"), 1.0, "1", 0.0)
+    yield absolute("pwb-rigid: holes seated", float(seated(rigid).sum()), 0.0, "1", 0.0)
+    limit = assembly_of(rigid.scenario).limits.pin_force_n
+    yield at_least("pwb-rigid: peak force on a pin, above its limit", _peak_pin(rigid), limit, "N")
+    ratio = _peak_pin(compliant) / _peak_pin(rigid)
     # Arms that do not comply are stopped at the limit of the force: what they would do is above it.
     yield at_most("pwb-misaligned / pwb-rigid, peak force on a pin", ratio, HALVED, "1")
 
@@ -50,6 +58,7 @@ def _refusal() -> Row:
 
 def _seated(name: str, result: RunRecord, holes: int) -> Iterator[Row]:
     assembly = assembly_of(result.scenario)
+    yield absolute(f"{name} completes", float(result.outcome == "completed"), 1.0, "1", 0.0)
     yield absolute(f"{name}: holes seated", float(seated(result).sum()), holes, "1", 0.0)
     final = final_holes(result)
     allowed = 0.5 * assembly.layout.holes.clearance_m + OFFSET_BEYOND_CLEARANCE_M

@@ -18,7 +18,8 @@ from dualbend.run.cell import RobotCell
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.simulation import Observation
 from dualbend.types import SIDES, Vector
-from dualbend.validation.row import Row, relative
+from dualbend.validation.handbook import STRIP
+from dualbend.validation.row import Row, of_property, relative
 
 DIRECTIONS = (("x", 0.01, "N/m"), ("z", 0.01, "N/m"), ("alpha", 0.05, "N m/rad"))
 """Direction of the grip in the bending frame, step commanded [m, rad], unit of its stiffness.
@@ -160,11 +161,11 @@ def _push_left_grip(cell: HeldCell, wrench: Vector) -> None:
 
 def weight_rows(alphas: tuple[float, ...] = (0.0, 0.5)) -> Iterator[Row]:
     """Compare the two grippers' vertical forces with the weight of the sheet, held still."""
+    weight = STRIP.mass_kg * GRAVITY_M_PER_S2
     for alpha in alphas:
-        cell = HeldCell(alpha)
-        vertical = -cell.rest().wrench[:, 2]
-        weight = cell.scenario.sheet.sheet().mass_kg * GRAVITY_M_PER_S2
+        vertical = -HeldCell(alpha).rest().wrench[:, 2]
         where = f"held at {alpha:g} rad"
-        yield relative(f"both grippers carry the sheet, {where}", vertical.sum(), weight, "N", 0.01)
+        both = f"both grippers carry the sheet, {where}"
+        yield of_property(relative(both, vertical.sum(), weight, "N", 0.01))
         half = f"left gripper carries half, {where}"
-        yield relative(half, vertical[0], weight / 2.0, "N", 0.01)
+        yield of_property(relative(half, vertical[0], weight / 2.0, "N", 0.01))

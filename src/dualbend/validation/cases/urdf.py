@@ -13,6 +13,7 @@ from dualbend.arm.model import PUMA, arm_model
 from dualbend.arm.placement import MIN_MARGIN_RAD
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
+from dualbend.validation.cases import properties
 from dualbend.validation.cases.arm import difference_rows, table_rows
 from dualbend.validation.cases.cell import response_rows, stiffness_rows
 from dualbend.validation.cases.runs import ik_rows, moment_error
@@ -42,6 +43,7 @@ def arm_rows(name: str) -> Iterator[Row]:
     # What refuses the arm comes first.
     ready = {name: BendingRun(load_scenario(name, settings)) for name in EXPERIMENTS}
     yield from table_rows() if arm == PUMA else model_rows(arm)
+    yield from properties.arm_rows(arm)
     yield from response_rows(settings)
     yield from stiffness_rows(settings)
     for experiment, run in ready.items():
