@@ -32,7 +32,8 @@ def refusing(said: str, *errors: type[Exception]) -> Iterator[None]:
         yield
     except refused as error:
         reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{said}: {reason}") from error
+        # Arrow's messages have several lines.
+        raise InputError(f"{said}: {' '.join(str(reason).splitlines())}") from error
 
 
 def writing(

@@ -30,6 +30,8 @@ class Task:
     config : of the section ``[task]``, a subclass of :class:`dualbend.scenario.task.TaskConfig`
     phases : names that the trace's column ``phase`` counts
     run : ``(scenario, **parts) -> Run``, ready to be run
+    columns : ``(scenario) -> ((name, unit), ...)`` of the trace that only this task has
+    cycles : ``(scenario) -> int``, command cycles of a run at most; None: not known before it
     summary : ``(record) -> Summary``, the numbers that ``summary.json`` holds
     metrics : ``(record) -> dict[str, Metric]``
     tables : ``(record) -> dict[str, list[dict]]`` beside the metrics in ``summary.json``
@@ -43,6 +45,8 @@ class Task:
     config: Any
     phases: tuple[str, ...]
     run: Any
+    columns: Any = "dualbend.run.trace:no_columns"
+    cycles: Any = None
     summary: Any = "dualbend.evaluation.metrics:summarise"
     metrics: Any = "dualbend.evaluation.metrics:common_metrics"
     tables: Any = "dualbend.evaluation.metrics:no_tables"

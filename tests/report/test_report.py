@@ -32,11 +32,11 @@ from dualbend.resources import limitations_file
 from dualbend.run.disk.folder import run_folder
 from dualbend.run.disk.saved import ENDED_FROM_OUTSIDE, load_run
 from dualbend.run.make import make_run
-from dualbend.run.record import RunRecord
+from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.study.paper_figures import FORMATS, write_pictures
 from dualbend.table import Code, Column, Table
-from support.left_runs import leave
+from support.left_runs import copied, leave
 
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
 EVIL = "<script>alert('x')</script> & \"quotes\""
@@ -154,14 +154,14 @@ def test_settings_tell_what_differs_from_the_defaults() -> None:
 
 def test_what_a_scenario_says_is_text(top: Path) -> None:
     folder = top / "fig8"
-    raw = json.loads((folder / "summary.json").read_text())
-    raw["reason"], raw["metrics"][EVIL] = EVIL, {"value": 1.0, "unit": EVIL}
-    raw["versions"][EVIL] = EVIL
-    evil = top / "evil"
-    evil.mkdir()
-    for name in ("scenario.toml", "trace.parquet"):
-        (evil / name).write_bytes((folder / name).read_bytes())
-    (evil / "summary.json").write_text(json.dumps(raw))
+    said = load_run(folder).summary
+    evil = copied(
+        folder,
+        top / "evil",
+        reason=EVIL,
+        metrics={**said.metrics, EVIL: Metric(1.0, EVIL)},
+        versions={**said.versions, EVIL: EVIL},
+    )
     page = report([load_run(evil), load_run(folder)])
     assert page.count(str(escape(EVIL))) >= 5
     assert EVIL not in page
@@ -286,11 +286,8 @@ def test_what_is_no_run_is_one_message_and_exit_2(top: Path, tmp_path: Path) -> 
         return folder
 
     untraced = copy("untraced", "scenario.toml", "summary.json")
-    old = copy("old", "trace.parquet")
-    (old / "scenario.toml").write_text('extends = "fig6"\nname = "x"\nspeed = 1\n')
-    raw = json.loads((top / "fig8" / "summary.json").read_text())
-    raw["versions"]["dualbend"] = "0.0.1"
-    (old / "summary.json").write_text(json.dumps(raw))
+    old = copied(top / "fig8", tmp_path / "old", versions={"dualbend": "0.0.1"})
+    (old / "scenario.toml").write_text('name = "x"\nspeed = 1\n')
     cut = copy("cut", "scenario.toml", "summary.json")
     (cut / "trace.parquet").write_bytes((top / "fig8" / "trace.parquet").read_bytes()[:1000])
     for folder, words in (
@@ -309,11 +306,7 @@ def test_what_is_no_run_is_one_message_and_exit_2(top: Path, tmp_path: Path) -> 
 
 
 def test_a_readable_run_of_another_version_says_so(top: Path, tmp_path: Path) -> None:
-    for name in ("scenario.toml", "trace.parquet"):
-        (tmp_path / name).write_bytes((top / "fig8" / name).read_bytes())
-    raw = json.loads((top / "fig8" / "summary.json").read_text())
-    raw["versions"]["dualbend"] = "0.0.1"
-    (tmp_path / "summary.json").write_text(json.dumps(raw))
+    copied(top / "fig8", tmp_path, versions={"dualbend": "0.0.1"})
     assert "The run was made by dualbend 0.0.1" in report([load_run(tmp_path)])
 
 
@@ -324,10 +317,7 @@ def test_an_unwritable_page_is_said(top: Path) -> None:
 
 
 def test_a_compliance_brought_along_is_named_and_not_predicted(top: Path, tmp_path: Path) -> None:
-    for name in ("scenario.toml", "trace.parquet"):
-        (tmp_path / name).write_bytes((top / "fig8" / name).read_bytes())
-    raw = json.loads((top / "fig8" / "summary.json").read_text())
-    (tmp_path / "summary.json").write_text(json.dumps({**raw, "controller": "mine.Still"}))
+    copied(top / "fig8", tmp_path, controller="mine.Still")
     own, other = report([load_run(top / "fig8")]), report([load_run(tmp_path)])
     assert "the run's compliance was mine.Still" in html.unescape(other)
     assert '<th scope="row">controller</th><td>mine.Still</td>' in other
@@ -347,11 +337,8 @@ def test_the_summarys_sheet_and_arms_are_shown(fig8: RunRecord, tmp_path: Path) 
     assert f'<td class="num">{left["manipulability"]:.4g}</td>' in page
     assert f'<td class="num">{left["room_deg"]:.4g}</td><td>{left["joint"]}</td>' in page
     # A summary of a version that did not have them is still one.
-    for name in ("scenario.toml", "trace.parquet"):
-        (tmp_path / name).write_bytes((fig8.folder / name).read_bytes())
-    for old in ({}, {"sheet": {"material": "x"}, "arms": {"left": 1}}):
-        kept = {key: value for key, value in raw.items() if key not in {"sheet", "arms"}}
-        (tmp_path / "summary.json").write_text(json.dumps({**kept, **old}))
+    for old in ({}, {"sheet": {"material": "x"}, "arms": {"left": {"arm": "x"}}}):
+        copied(fig8.folder, tmp_path, **{"sheet": {}, "arms": {}, **old})
         without = report([load_run(tmp_path)])
         assert "beam (taken)" not in without
         assert ("not readable" in without) == bool(old)

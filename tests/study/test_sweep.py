@@ -91,8 +91,8 @@ def test_the_folder_of_another_sweep_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "s"
     go(folder, a_sweeps_run)
     for change, what in (
-        (("0.4", "0.39"), "holds a study of another sweep; give another folder"),
-        (('"fig8"', '"tuned"'), "holds a study of another scenario; give another folder"),
+        (("0.4", "0.39"), "holds a study of another sweep, by its study.json"),
+        (('"fig8"', '"tuned"'), "holds a study of another scenario, by its study.json"),
         (("[sample]", "[set]\nseed = 4\n[sample]"), "another sweep"),
     ):
         with pytest.raises(InputError, match=what):

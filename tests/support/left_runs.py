@@ -1,9 +1,14 @@
 """Run folders for the tests of the report."""
 
+import shutil
 from pathlib import Path
+from typing import Any
 
-from dualbend.run.disk.folder import run_folder
-from dualbend.run.disk.output import write_numbers
+import msgspec
+
+from dualbend.run.disk.folder import NUMBERS, run_folder
+from dualbend.run.disk.output import json_text, write_numbers
+from dualbend.run.disk.saved import load_run
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 
@@ -20,3 +25,14 @@ def leave(folder: Path, name: str, *settings: str, until: int | None = None) -> 
     with run_folder(folder) as kept:
         write_numbers(result, kept)
     return folder
+
+
+def copied(folder: Path, to: Path, **changed: Any) -> Path:
+    """Copy a run, with other fields in its summary, as if they had been written so."""
+    to.mkdir(exist_ok=True)
+    for name in NUMBERS:
+        shutil.copyfile(folder / name, to / name)
+    if changed:
+        summary = msgspec.structs.replace(load_run(folder).summary, **changed)
+        (to / "summary.json").write_text(json_text(summary.to_json()), encoding="utf-8")
+    return to

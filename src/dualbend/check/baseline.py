@@ -15,8 +15,9 @@ from typing import Annotated, Literal
 import msgspec
 
 from dualbend.check.tolerances import Tolerance
-from dualbend.errors import InputError, refusing, writing
+from dualbend.errors import InputError, writing
 from dualbend.files import write_whole
+from dualbend.run.reading.json_file import read_json
 from dualbend.types import Config
 
 DEFAULT_FILE = Path("baseline.json")
@@ -78,8 +79,7 @@ def find_baseline(file: Path | None, *, update: bool) -> Path:
 
 def read_baseline(path: Path) -> Baseline:
     """Read a baseline; InputError, which says where, if it cannot be read or is none."""
-    with refusing(f"{path}: no baseline", OSError, UnicodeDecodeError, msgspec.MsgspecError):
-        return msgspec.json.decode(path.read_bytes(), type=Baseline)
+    return read_json(path, Baseline, "baseline")
 
 
 def write_baseline(baseline: Baseline, path: Path) -> None:

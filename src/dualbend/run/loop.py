@@ -27,7 +27,7 @@ from dualbend.run.cell import RobotCell
 from dualbend.run.identity import RunIdentity
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.outcome import TaskStopped
-from dualbend.run.record import RunRecord, Scene
+from dualbend.run.record import RunRecord, Scene, task_of
 from dualbend.run.trace import TraceRecorder
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import Outcome
@@ -48,7 +48,6 @@ class Run:
     ----------
     trace : of the run since :meth:`begin`
     checked_poses : joint angles (k, n) of the poses that were tried before the run
-    task_columns : names and units of the trace's columns that only this task has
     sample : what the sensors say at the start of the next cycle
     identity : what names the run in every file; begun again, it is the same run
     """
@@ -58,7 +57,6 @@ class Run:
     path: ControlledPath
     sample: SensorSample
     checked_poses: Vector
-    task_columns: tuple[tuple[str, str], ...] = ()
     compliance: Callable[[Scenario], Controller] = staticmethod(make_compliance)
 
     def __init__(self, scenario: Scenario, cell: RobotCell) -> None:
@@ -102,7 +100,7 @@ class Run:
             simulation.model.nq,
             self.scenario.sheet.model.sections,
             simulation.joints,
-            self.task_columns,
+            task_of(self.scenario).part("columns")(self.scenario),
         )
         self._guard = Guard(
             self.scenario.guard,

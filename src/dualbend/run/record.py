@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +12,7 @@ from typing import Any
 import msgspec
 import mujoco
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.registry import TASKS, Task
 from dualbend.run.identity import RunIdentity
 from dualbend.run.trace import Trace
@@ -47,21 +49,39 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     tables: dict[str, list[TableRow]] = {}
 
     @classmethod
-    def of_json(cls, text: bytes) -> Summary:
-        """Return the summary that ``summary.json`` holds; every list of objects is a table."""
-        raw = msgspec.json.decode(text, type=dict[str, Any])
-        tables = {k: v for k, v in raw.items() if k not in cls.__struct_fields__}
-        return msgspec.convert({**raw, "tables": tables}, cls)
+    def of_json(cls, raw: dict[str, Any]) -> Summary:
+        """Return the summary that ``summary.json`` holds; every list of objects is a table.
+
+        Raises InputError where it was changed after it was written, or is none.
+        """
+        rest = {key: value for key, value in raw.items() if key != "sha256"}
+        tables = {k: v for k, v in rest.items() if k not in cls.__struct_fields__}
+        with refusing("no summary of a run", msgspec.ValidationError):
+            summary = msgspec.convert({**rest, "tables": tables}, cls)
+        if summary.run is not None and raw.get("sha256") != _sha256(rest):
+            raise InputError(
+                f"was changed after the run: sha256 is {_sha256(rest)} of its other keys"
+            )
+        return summary
 
     def to_json(self) -> dict[str, Any]:
-        """Return what ``summary.json`` holds, the tables beside the other keys."""
+        """Return what ``summary.json`` holds, the tables beside the other keys.
+
+        ``sha256``, of a summary that names its run, is that of all other keys.
+        """
         found: dict[str, Any] = msgspec.to_builtins(self)
         tables = found.pop("tables")
         if not self.controller:
             del found["controller"]
+        found |= tables
         if self.run is None:
             del found["run"]
-        return {**found, **tables}
+            return found
+        return {**found, "sha256": _sha256(found)}
+
+
+def _sha256(content: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def task_of(scenario: Scenario) -> Task:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -36,6 +37,59 @@ def _joint_columns(joints: Sequence[str], kind: str, unit: str) -> list[tuple[st
     return [(name.replace("_", f"_{kind}_", 1), unit) for name in joints]
 
 
+def trace_columns(
+    sensing: Sequence[int],
+    hinges: int,
+    joints: Sequence[str],
+    task: Sequence[tuple[str, str]] = (),
+) -> dict[str, list[tuple[str, str]]]:
+    """Return names and units of a trace's columns in their order, those of one origin together.
+
+    The parameters are those of :class:`TraceRecorder`.
+    """
+    grip = [("force_x", "N"), ("moment_y", "N m")]
+    readings = (("sensor", _WRENCH), ("measured", grip), ("filtered", grip))
+    return {
+        "clock": [("time", "s"), ("phase", "1")],
+        "nominal": [("nominal_alpha", "rad"), ("nominal_half_distance", "m"), ("nominal_z", "m")],
+        "grip": [(f"{side}_grip_{part}", unit) for side in SIDES for part, unit in _POSE],
+        "edge": [(f"{side}_edge_{part}", unit) for side in SIDES for part, unit in _POSE],
+        "true": [(f"{side}_true_{part}", unit) for side in SIDES for part, unit in _WRENCH],
+        "sag": [("sag", "m")],
+        "bend": [(f"bend_{i:03d}", "rad") for i in range(hinges)],
+        "deviation": [
+            (f"{side}_deviation_{part}", unit)
+            for side in SIDES
+            for part, unit in (("x", "m"), ("alpha", "rad"))
+        ],
+        "command": [(f"{side}_command_{part}", unit) for side in SIDES for part, unit in _COMMAND],
+        "q": _joint_columns(joints, "q", "rad"),
+        "setpoint": _joint_columns(joints, "setpoint", "rad"),
+        "torque": _joint_columns(joints, "torque", "N m"),
+        "ik": [("ik_position", "m"), ("ik_rotation", "rad"), ("ik_iterations", "1")],
+        **{
+            f"reading{i}": [
+                (f"{SIDES[i]}_{kind}_{part}", unit)
+                for kind, parts in readings
+                for part, unit in parts
+            ]
+            for i in sensing
+        },
+        "saturated": [("saturated", "1")],
+        "task": list(task),
+        "wall": [("wall_s", "s")],
+    }
+
+
+OBSERVED = ("clock", "nominal", "grip", "edge", "true", "sag", "bend", "q", "torque")
+"""Groups of columns that every row has from its start; the others are of a completed row."""
+
+
+def no_columns(_: object) -> tuple[tuple[str, str], ...]:
+    """Return the columns of a task that has none of its own."""
+    return ()
+
+
 class Trace:
     """Rows of a run, one a command cycle, in memory or read back: columns by name, with units.
 
@@ -63,9 +117,9 @@ class Trace:
         """Return the trace that an Arrow table holds; InputError where a column is no numbers."""
         columns = []
         for schema in table.schema:
-            if not pa.types.is_floating(schema.type) and not pa.types.is_integer(schema.type):
-                raise InputError(f"column {schema.name!r} holds {schema.type}, not numbers")
-            unit = (schema.metadata or {}).get(b"unit", b"1").decode()
+            if schema.type != pa.float64():
+                raise InputError(f"column {schema.name!r} holds {schema.type}, not double")
+            unit = (schema.metadata or {}).get(b"unit", b"").decode(errors="replace")
             columns.append((schema.name, unit))
         values = np.empty((table.num_rows, len(columns)))
         for i, column in enumerate(table.columns):
@@ -118,6 +172,13 @@ class Trace:
             )
         return self._qpos[: self.rows]
 
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of all values, row by row; one zero and one NaN, of which there are several."""
+        values = (self._table[: self.rows] + 0.0).astype("<f8")
+        values[np.isnan(values)] = np.nan
+        return hashlib.sha256(values.tobytes()).hexdigest()
+
     def equals(self, other: Trace) -> bool:
         """Tell whether another trace has the same columns, units and numbers, NaN included."""
         same = self.columns == other.columns and self.rows == other.rows
@@ -163,51 +224,16 @@ class TraceRecorder(Trace):
         joints: Sequence[str],
         task: Sequence[tuple[str, str]] = (),
     ) -> None:
-        self.columns: list[tuple[str, str]] = []
+        groups = trace_columns(sensing, hinges, joints, task)
+        self.columns = [column for group in groups.values() for column in group]
         self._sensing = sensing
-        self._slices: dict[str, slice] = {}
-        self._declare("clock", [("time", "s"), ("phase", "1")])
-        self._declare(
-            "nominal",
-            [("nominal_alpha", "rad"), ("nominal_half_distance", "m"), ("nominal_z", "m")],
-        )
-        for name, parts in (("grip", _POSE), ("edge", _POSE), ("true", _WRENCH)):
-            self._declare(name, [(f"{s}_{name}_{p}", u) for s in SIDES for p, u in parts])
-        self._declare("sag", [("sag", "m")])
-        self._declare("bend", [(f"bend_{i:03d}", "rad") for i in range(hinges)])
-        self._declare(
-            "deviation",
-            [(f"{s}_deviation_{p}", u) for s in SIDES for p, u in (("x", "m"), ("alpha", "rad"))],
-        )
-        self._declare("command", [(f"{s}_command_{p}", u) for s in SIDES for p, u in _COMMAND])
-        self._declare("q", _joint_columns(joints, "q", "rad"))
-        self._declare("setpoint", _joint_columns(joints, "setpoint", "rad"))
-        self._declare("torque", _joint_columns(joints, "torque", "N m"))
-        self._declare("ik", [("ik_position", "m"), ("ik_rotation", "rad"), ("ik_iterations", "1")])
-        for i in sensing:
-            side = SIDES[i]
-            raw = [(f"{side}_sensor_{p}", u) for p, u in _WRENCH]
-            grip = [("force_x", "N"), ("moment_y", "N m")]
-            self._declare(
-                f"reading{i}",
-                [
-                    *raw,
-                    *((f"{side}_measured_{p}", u) for p, u in grip),
-                    *((f"{side}_filtered_{p}", u) for p, u in grip),
-                ],
-            )
-        self._declare("saturated", [("saturated", "1")])
-        self._declare("task", list(task))
-        self._declare("wall", [("wall_s", "s")])
+        ends = np.cumsum([len(group) for group in groups.values()]).tolist()
+        starts = (0, *ends[:-1])
+        self._slices = {name: slice(*at) for name, *at in zip(groups, starts, ends, strict=True)}
         room = np.full((cycles, len(self.columns)), np.nan)
         self._positions = np.empty((cycles, qpos_size))
         super().__init__(self.columns, room, self._positions)
         self.rows = 0
-
-    def _declare(self, group: str, columns: list[tuple[str, str]]) -> None:
-        start = len(self.columns)
-        self.columns.extend(columns)
-        self._slices[group] = slice(start, len(self.columns))
 
     def observe(
         self,
@@ -326,18 +352,32 @@ def read_trace(path: Path) -> pa.Table:
     Raises
     ------
     InputError
-        The file is neither.
+        The file is neither, or is damaged.
     """
-    with refusing(f"{path}: no trace of a run", OSError, pa.ArrowInvalid):
+    with refusing(f"{path}: no trace of a run", *_DAMAGED):
         if path.suffix == ".parquet":
-            return pq.read_table(path)
+            with pq.ParquetFile(path) as file:
+                return file.read()
         with path.open("rb") as file, pa.ipc.open_stream(file) as stream:
             return pa.Table.from_batches(_whole(stream), stream.schema)
+
+
+def trace_head(path: Path) -> tuple[pa.Schema, int]:
+    """Return the schema and the number of rows of a trace in Parquet, whose values stay unread.
+
+    Raises InputError where it is none, or is damaged.
+    """
+    with refusing(f"{path}: no trace of a run", *_DAMAGED), pq.ParquetFile(path) as file:
+        return file.schema_arrow, file.metadata.num_rows
 
 
 def _whole(stream: pa.ipc.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
     """Yield the batches of a stream whose last one may have been cut off."""
     try:
         yield from stream
-    except (OSError, pa.ArrowInvalid):
+    except _DAMAGED:
         return
+
+
+_DAMAGED = (OSError, ValueError, MemoryError, pa.ArrowException)
+"""What a damaged file can be to Arrow."""

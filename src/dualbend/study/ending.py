@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Annotated, Final, TypeAlias, get_args
+
+import msgspec
 
 from dualbend.errors import DualbendError, Interrupted
 from dualbend.evaluation.metrics import WALL_CLOCK
 from dualbend.run.loop import Run
 from dualbend.run.record import Metric, RunRecord
+from dualbend.scenario.sections import Outcome
 
 REFUSED: Final = "refused"
 RAISED: Final = "error"
 """Outcomes beside those of a run: it cannot be made ready, or is broken."""
+
+OUTCOMES = (*get_args(Outcome), REFUSED, RAISED)
+
+Ended: TypeAlias = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(OUTCOMES)})$")]
+"""How a run of a study ended."""
 
 
 def result_of(run: Run) -> RunRecord:

@@ -81,11 +81,10 @@ class Study(Generic[Key, *Arguments, Row]):
         WorkerDiedError where a run is lost and there is no row for that; KeyboardInterrupt where it
         is interrupted: what was done is in the folder, and the same call goes on.
         """
-        kept: AbstractContextManager[tuple[list[Row], Callable[[Row], None]]]
-        kept = nullcontext(([], lambda _: None)) if folder is None else folder.opened()
+        kept: AbstractContextManager[tuple[dict[Hashable, Row], Callable[[Row], None]]]
+        kept = nullcontext(({}, lambda _: None)) if folder is None else folder.opened(self.key)
         with kept as (old, keep):
-            done = {self.key(row): row for row in old}
-            done = {key: done[key] for key in self.design if key in done}
+            done = {key: old[key] for key in self.design if key in old}
             on_run(len(done), len(self.design), None)
 
             def add(key: Key, row: Row) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,8 +19,12 @@ import msgspec
 from dualbend.errors import InputError, refusing, writing
 from dualbend.files import locked_folder, write_all, write_whole
 from dualbend.run.disk.output import uninterrupted
+from dualbend.run.reading.json_file import file_bytes, json_of, read_json
 
 STUDY, RUNS = "study.json", "runs.jsonl"
+
+_LONGEST = 200
+"""Characters in which a change is said; that of a scenario's text is not."""
 
 Row = TypeVar("Row")
 
@@ -30,25 +34,28 @@ class StudyFolder(Generic[Row]):
     """A folder that one process at a time writes.
 
     ``study``: what it is of; ``files``: texts to write into a new one; ``row``: what a line of
-    ``runs.jsonl`` holds.
+    ``runs.jsonl`` holds; ``check`` raises InputError where rows cannot be of this study.
     """
 
     folder: Path
     row: type[Row]
     study: Mapping[str, Any]
     files: Mapping[str, str] = field(default_factory=dict)
+    check: Callable[[Sequence[Row]], None] = lambda _: None
 
     @contextmanager
-    def opened(self) -> Iterator[tuple[list[Row], Callable[[Row], None]]]:
-        """Make the folder or go on with it; give the rows that it has and what adds one.
+    def opened(
+        self, key: Callable[[Row], Hashable]
+    ) -> Iterator[tuple[dict[Hashable, Row], Callable[[Row], None]]]:
+        """Make the folder or go on with it; give the rows that it has, by key, and what adds one.
 
         Raises InputError where it holds another study, is in use or cannot be used, or a line is
-        no row.
+        no row of it.
         """
         with locked_folder(self.folder):
             with writing(self.folder, "--out"):
                 self._make()
-                rows = self._read()
+                rows = self._read(key)
                 file = (self.folder / RUNS).open("ab", buffering=0)
             with file:
                 yield rows, lambda row: self._append(file, row)
@@ -56,9 +63,7 @@ class StudyFolder(Generic[Row]):
     def _make(self) -> None:
         path = self.folder / STUDY
         if path.exists():
-            with refusing(f"{path}: no valid JSON", ValueError):
-                found = json.loads(path.read_text(encoding="utf-8"))
-            self._refuse_other(found)
+            self._refuse_other(read_json(path, dict[str, Any], "study"))
             return
         if (self.folder / RUNS).exists():
             raise InputError(
@@ -68,30 +73,35 @@ class StudyFolder(Generic[Row]):
             write_whole(self.folder / file, text)
         write_whole(path, json.dumps(self.study, indent=2) + "\n")
 
-    def _refuse_other(self, found: object) -> None:
+    def _refuse_other(self, found: Mapping[str, Any]) -> None:
         for key, value in self.study.items():
-            other = found.get(key) if isinstance(found, dict) else None
-            if other != value:
-                short = not any(isinstance(v, str) and "\n" in v for v in (value, other))
-                change = f" ({key} = {other!r}, now {value!r})" if short else ""
+            if found.get(key) != value:
+                files = " beside ".join((STUDY, *self.files))
                 raise InputError(
-                    f"--out {self.folder}: holds a study of another {key}{change}; "
+                    f"--out {self.folder}: holds a study of another "
+                    f"{key}{_change(key, found.get(key), value)}, by its {files}; "
                     "give another folder, or remove this one"
                 )
 
-    def _read(self) -> list[Row]:
-        """Read the rows; cut off a last one that was not written to its end."""
+    def _read(self, key: Callable[[Row], Hashable]) -> dict[Hashable, Row]:
+        """Read the rows and check them; cut off a last one that was not written to its end."""
         path = self.folder / RUNS
-        if not path.exists():
-            return []
-        data = path.read_bytes()
-        whole = data.rfind(b"\n") + 1
-        if whole < len(data):
-            os.truncate(path, whole)
-        rows = []
-        for number, text in enumerate(data[:whole].splitlines(), start=1):
-            with refusing(f"{path}: line {number} is no run", msgspec.DecodeError):
-                rows.append(msgspec.json.decode(text, type=self.row))
+        if not os.path.lexists(path):
+            return {}
+        data = file_bytes(path)
+        *lines, rest = data.split(b"\n")
+        rows: dict[Hashable, Row] = {}
+        for number, text in enumerate(lines, start=1):
+            row = json_of(text, self.row, f"{path}: line {number} is no run")
+            if key(row) in rows:
+                raise InputError(f"{path}: line {number}: run {key(row)} is there twice")
+            rows[key(row)] = row
+        with refusing(str(path)):
+            self.check(list(rows.values()))
+        if rest and not rest.startswith(b"{"):
+            raise InputError(f"{path}: line {len(lines) + 1} is no run, nor the beginning of one")
+        if rest:
+            os.truncate(path, len(data) - len(rest))
         return rows
 
     def _append(self, file: IO[bytes], row: Row) -> None:
@@ -99,3 +109,12 @@ class StudyFolder(Generic[Row]):
         with uninterrupted(), writing(self.folder / RUNS, "--out"):
             write_all(file, msgspec.json.encode(row) + b"\n")
             os.fsync(file.fileno())
+
+
+def _change(key: str, old: object, new: object) -> str:
+    """Return what changed, where that is short enough to be said; of tables, the first key."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        name = next(name for name in {**new, **old} if old.get(name) != new.get(name))
+        return _change(f"{key}.{name}", old.get(name), new.get(name))
+    said = f" ({key} = {old!r}, now {new!r})"
+    return said if len(said) <= _LONGEST else ""

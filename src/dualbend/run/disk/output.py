@@ -92,9 +92,15 @@ def _write_trace(result: RunRecord, path: Path) -> None:
 
     Raises InputError where that cannot be read or reads otherwise.
     """
-    named = {} if result.identity is None else result.identity.to_metadata()
-    about = {**named, "scenario": result.scenario.name, "outcome": result.outcome}
-    pq.write_table(result.trace.table({**about, "model_sha256": model_hash(result.model)}), path)
+    about = {
+        "scenario": result.scenario.name,
+        "seed": str(result.scenario.seed),
+        "outcome": result.outcome,
+        "model_sha256": model_hash(result.model),
+        "values_sha256": result.trace.sha256,
+        **({} if result.identity is None else result.identity.to_metadata()),
+    }
+    pq.write_table(result.trace.table(about), path)
     if not result.trace.equals(Trace.of_table(read_trace(path))):
         raise InputError("it reads otherwise than it was written")
 

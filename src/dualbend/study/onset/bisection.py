@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from dualbend.errors import InputError
@@ -72,7 +73,8 @@ def onset_study(
     # Cases of several scenarios and rays may be in one folder: their keys tell them apart.
     kept = None
     if folder is not None:
-        kept = StudyFolder(folder=folder, row=Case, study={"kind": "onset"})
+        check = partial(_refuse_strangers, tasks)
+        kept = StudyFolder(folder=folder, row=Case, study={"kind": "onset"}, check=check)
     cases = study.run(in_processes(workers), kept, on_run)
     return OnsetStudy(scenario=scenario.name, cases=tuple(cases))
 
@@ -101,6 +103,21 @@ def _tasks(
         key = hashlib.sha256(text.encode()).hexdigest()[:16]
         found[key] = (key, scenario, axis, alpha, ray)
     return found
+
+
+def _refuse_strangers(tasks: Mapping[str, _Task], cases: Sequence[Case]) -> None:
+    """Refuse a case whose key is that of another one, or whose onset is not in its interval."""
+    for case in cases:
+        at = f"case {case.key}"
+        said = (case.axis, case.alpha_rad, case.ratio_per_s)
+        if case.key in tasks and said != (asked := tasks[case.key][2:]):
+            raise InputError(f"{at}: is of {said}, its key of {asked} (axis, angle, ray)")
+        for name, found in (("simulated", case.simulated), ("frictionless", case.frictionless)):
+            if not 0.0 < found.unstable_b <= found.b <= found.stable_b:
+                raise InputError(
+                    f"{at}: {name}.b = {found.b} must be positive and between unstable_b = "
+                    f"{found.unstable_b} and stable_b = {found.stable_b}"
+                )
 
 
 def work(

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated, TypeAlias
 
 import msgspec
 
 from dualbend.study.onset.held import SingleAxis
+
+_Size: TypeAlias = Annotated[float, msgspec.Meta(ge=0)]
 
 
 class Rate(msgspec.Struct, frozen=True, kw_only=True):
@@ -27,8 +30,8 @@ class Simulated(msgspec.Struct, frozen=True, kw_only=True):
     b: float
     unstable_b: float
     stable_b: float
-    frequency_hz: float | None
-    residual: float | None
+    frequency_hz: _Size | None
+    residual: _Size | None
     rates: tuple[Rate, ...]
     runs: int
 
@@ -45,11 +48,11 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
     axis: SingleAxis
     alpha_rad: float
     ratio_per_s: float
-    paper_b: float
-    delayed_b: float
-    sampled_b: float
-    sampled_hz: float
-    same_gains_hz: float
+    paper_b: _Size
+    delayed_b: _Size
+    sampled_b: _Size
+    sampled_hz: _Size
+    same_gains_hz: _Size
     simulated: Simulated
     frictionless: Simulated
 

@@ -7,6 +7,7 @@ draw).
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
@@ -16,7 +17,7 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.study.engine import Study
 from dualbend.study.folder import StudyFolder
 from dualbend.study.processes import in_processes
-from dualbend.study.robustness.trial import Trial, cases, run_one
+from dualbend.study.robustness.trial import Trial, cases, refuse_strangers, run_one
 
 SCENARIO = "scenario.toml"
 
@@ -57,5 +58,6 @@ def run_study(
         row=Trial,
         study={"seed": seed, "versions": versions(), "scenario": text},
         files={SCENARIO: text},
+        check=partial(refuse_strangers, scenario, seed),
     )
     return study.run(in_processes(workers), kept, on_run)

@@ -6,10 +6,13 @@ Every draw is run with the compliance that the scenario gives and without any.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from typing import Annotated
 
 import msgspec
 import numpy as np
 
+from dualbend.errors import InputError
 from dualbend.evaluation.metrics import surface_strain
 from dualbend.run.loop import Run
 from dualbend.run.make import make_run
@@ -17,10 +20,11 @@ from dualbend.run.record import RunRecord, task_of
 from dualbend.run.trace import Trace
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES
-from dualbend.study.ending import outcome_of, result_of
+from dualbend.study.ending import Ended, outcome_of, result_of
 from dualbend.task.assembly.config import ErrorsConfig, assembly_of
 from dualbend.task.assembly.draws import draw, misalignment, without_compliance
 from dualbend.task.assembly.metrics import pin_table, seated
+from dualbend.types import Vector
 
 CAUSES = (
     ("the middle holes did not find", "middle holes not found"),
@@ -45,6 +49,8 @@ CAUSES = (
 NOT_SEATED, OTHER = "holes not seated", "other"
 BEFORE, AFTER = "before the run", "after the run"
 
+_Size = Annotated[float, msgspec.Meta(ge=0)]
+
 
 class Trial(msgspec.Struct, frozen=True, kw_only=True):
     """One run: what was drawn and what became of it.
@@ -55,18 +61,18 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     or raised.
     """
 
-    index: int
+    index: Annotated[int, msgspec.Meta(ge=0)]
     compliance: bool
     seed: int
     success: bool
-    outcome: str
+    outcome: Ended
     reason: str = ""
     phase: str = ""
     cause: str = ""
-    holes_seated: int = 0
-    peak_pin_force_n: float | None = None
-    peak_surface_strain: float | None = None
-    simulated_s: float | None = None
+    holes_seated: Annotated[int, msgspec.Meta(ge=0)] = 0
+    peak_pin_force_n: _Size | None = None
+    peak_surface_strain: _Size | None = None
+    simulated_s: _Size | None = None
     misalignment_m: float
     errors: ErrorsConfig
     hole_errors_m: tuple[tuple[float, float], ...]
@@ -155,3 +161,32 @@ def _phase(phases: tuple[str, ...], trace: Trace | None) -> str:
 def cause_of(reason: str) -> str:
     """Return the class of a reason."""
     return next((cause for says, cause in CAUSES if says in reason), OTHER)
+
+
+def refuse_strangers(scenario: Scenario, seed: int, trials: Sequence[Trial]) -> None:
+    """Raise InputError where a trial is of another draw than its index, or says what none does."""
+    sheets, phases = assembly_of(scenario).sheets, task_of(scenario).phases
+    for one in trials:
+        at = f"draw {one.index}, {'with' if one.compliance else 'without'} compliance"
+        if one.compliance not in cases(scenario):
+            raise InputError(f"{at}: the scenario has none")
+        drawn = draw(scenario, seed, one.index)
+        expected = trial(drawn, one.index, success=False, outcome=one.outcome)
+        for name in ("seed", "misalignment_m", "errors", "hole_errors_m"):
+            said, value = getattr(one, name), getattr(expected, name)
+            a, b = _flat(said), _flat(value)
+            # Another machine's logarithm may differ in its last digit.
+            if a.shape != b.shape or not np.allclose(a, b, rtol=1e-9, atol=0.0):
+                raise InputError(f"{at}: {name} = {said}: seed {seed} draws {value}")
+        if one.success and one.outcome != "completed":
+            raise InputError(f"{at}: success, and outcome {one.outcome!r}")
+        if one.holes_seated > len(HOLES) * sheets:
+            raise InputError(
+                f"{at}: holes_seated = {one.holes_seated}: it has {len(HOLES) * sheets}"
+            )
+        if one.phase not in ("", BEFORE, *phases, AFTER):
+            raise InputError(f"{at}: phase = {one.phase!r}: the phases are {', '.join(phases)}")
+
+
+def _flat(drawn: float | ErrorsConfig | tuple[tuple[float, float], ...]) -> Vector:
+    return np.ravel(msgspec.structs.astuple(drawn) if isinstance(drawn, ErrorsConfig) else drawn)

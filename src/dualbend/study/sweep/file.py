@@ -137,7 +137,7 @@ def load_sweep(path: Path) -> Sweep:
         settings=tuple(f"{key}={toml(value)}" for key, value in config.settings.items()),
         keys=keys,
     )
-    with refusing(f"{source}: [set]"):
+    with refusing(f"{source}: scenario = {config.scenario!r}, [set]"):
         sweep.resolve()
     _check_keys(sweep)
     return sweep

@@ -6,7 +6,7 @@ The folder holds the sweep and its scenario, complete (``sweep.toml``, ``scenari
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TypeAlias
@@ -19,7 +19,7 @@ from dualbend.files import write_whole
 from dualbend.run.make import make_run
 from dualbend.run.record import Metric
 from dualbend.scenario.scenario import Scenario
-from dualbend.study.ending import RAISED, metrics_of, outcome_of, result_of
+from dualbend.study.ending import RAISED, REFUSED, Ended, metrics_of, outcome_of, result_of
 from dualbend.study.engine import Place, Study
 from dualbend.study.folder import StudyFolder
 from dualbend.study.sweep.design import Design
@@ -30,7 +30,7 @@ class RunRow(msgspec.Struct, frozen=True, kw_only=True):
     """What became of a run: no metrics where it was refused or broke; none of the machine."""
 
     index: int
-    outcome: str
+    outcome: Ended
     reason: str = ""
     metrics: dict[str, Metric] = {}
 
@@ -85,10 +85,28 @@ def run_sweep(
         row=RunRow,
         study={"versions": versions(), "scenario": text, "sweep": sweep.to_toml(all_of_it=False)},
         files={SCENARIO: text, SWEEP: complete},
+        check=partial(_refuse_strangers, len(design.rows)),
     )
     rows = study.run(place, kept, on_run)
     write_whole(folder / SWEEP, complete)  # its metrics may be others
     return rows
+
+
+def _refuse_strangers(runs: int, rows: Sequence[RunRow]) -> None:
+    """Refuse rows of a run that the sweep does not have, or that say what no run does."""
+    units: dict[str, tuple[str, int]] = {}
+    for row in rows:
+        at = f"run {row.index}"
+        if not 0 <= row.index < runs:
+            raise InputError(f"{at}: the sweep has runs 0 to {runs - 1}")
+        if row.metrics and row.outcome in (REFUSED, RAISED):
+            raise InputError(f"{at}: has metrics, and outcome {row.outcome!r}")
+        for name, metric in row.metrics.items():
+            unit, other = units.setdefault(name, (metric.unit, row.index))
+            if metric.unit != unit:
+                raise InputError(
+                    f"{at}: metrics.{name} is in {metric.unit!r}, in run {other} in {unit!r}"
+                )
 
 
 def _task(sweep: Sweep, design: Design, index: int) -> tuple[int, Scenario] | RunRow:

@@ -26,13 +26,14 @@ def final_holes(result: RunRecord) -> Vector:
     """Return (sheets, 4, 3): each hole from its pin's axis, x, y, and above its rest, z [m].
 
     Of a sheet that was not let go, where it was at the end of the run; of one that was never
-    picked up, nothing.
+    picked up, nothing, nor of a run that ended in its first cycle.
     """
     laid = list(result.laid)
     assembly = assembly_of(result.scenario)
     if len(laid) < assembly.sheets and result.trace.rows:
         columns = [[result.trace[f"hole_{hole}_{axis}"][-1] for axis in "xyz"] for hole in HOLES]
-        laid.append(np.array(columns))
+        if np.isfinite(columns).all():
+            laid.append(np.array(columns))
     holes = np.array(laid).reshape(len(laid), len(HOLES), 3)
     # Each sheet rests on those before it.
     thickness = assembly.true_sheet(result.scenario.sheet.sheet()).thickness_m
@@ -73,18 +74,20 @@ def phase_table(result: RunRecord) -> list[dict[str, Any]]:
     trace, signals = result.trace, peaks(result)
     if not trace.rows:
         return []
-    keys = np.stack([trace["phase"], trace["attempt"], trace["sheet"]])
+    # A run that ends in its first cycle has not counted yet.
+    attempt, sheet = (np.nan_to_num(trace[name]) for name in ("attempt", "sheet"))
+    keys = np.stack([trace["phase"], attempt, sheet])
     starts = np.flatnonzero(np.any(np.diff(keys, prepend=np.nan) != 0.0, axis=0))
     return [
         {
             "phase": result.phases[int(trace["phase"][first])],
-            "sheet": int(trace["sheet"][first]),
-            "attempt": int(trace["attempt"][first]),
+            "sheet": int(sheet[first]),
+            "attempt": int(attempt[first]),
             "start_s": float(trace["time"][first]),
             "time_s": float((end - first) * COMMAND_PERIOD_S),
-            "peak_moment_nm": float(signals["peak_moment"][first:end].max()),
-            "peak_force_n": float(signals["peak_force"][first:end].max()),
-            "peak_pin_force_n": float(signals["peak_pin_force"][first:end].max()),
+            "peak_moment_nm": peak(signals["peak_moment"][first:end]),
+            "peak_force_n": peak(signals["peak_force"][first:end]),
+            "peak_pin_force_n": peak(signals["peak_pin_force"][first:end]),
         }
         for first, end in zip(starts, [*starts[1:], trace.rows], strict=True)
     ]

@@ -61,6 +61,16 @@ TASK_COLUMNS: tuple[tuple[str, str], ...] = (
 )
 
 
+def columns(_: Scenario) -> tuple[tuple[str, str], ...]:
+    """Return the columns that only an assembly has."""
+    return TASK_COLUMNS
+
+
+def cycles(scenario: Scenario) -> int:
+    """Return the command cycles after which an assembly is given up."""
+    return round(assembly_of(scenario).sheets * LONGEST_S / COMMAND_PERIOD_S)
+
+
 def assembly_plan(scenario: Scenario) -> AssemblyPlan:
     """Return the plan of a scenario's assembly.
 
@@ -102,8 +112,6 @@ class AssemblyRun(Run):
     InputError
         A posture is out of reach, or the sheet's holes do not fit the pins at any bending angle.
     """
-
-    task_columns = TASK_COLUMNS
 
     def __init__(self, scenario: Scenario) -> None:
         self.plan = assembly_plan(scenario)
@@ -183,7 +191,7 @@ class AssemblyRun(Run):
     @property
     def cycles(self) -> int:
         """Number of command cycles, at most."""
-        return round(self.config.sheets * LONGEST_S / COMMAND_PERIOD_S)
+        return cycles(self.scenario)
 
     def on_step(self) -> None:
         """Follow pins and jaws after every physics step."""

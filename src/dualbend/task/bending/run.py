@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dualbend.control.controller import Controller
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.planar import PlanarRun
-from dualbend.scenario.motion import nominal_motion
+from dualbend.scenario.motion import NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.simulation import Observation
 from dualbend.task.bending.config import errors_over_time, misalignment_of
-from dualbend.types import SIDES
+from dualbend.types import SIDES, Vector
 
 SPACE_COLUMNS = tuple(
     (f"{side}_{place}_{turn}", "rad")
@@ -22,6 +22,24 @@ SPACE_COLUMNS = tuple(
 """What the trace of a misaligned run has beside a planar one's columns."""
 
 
+def columns(scenario: Scenario) -> tuple[tuple[str, str], ...]:
+    """Return the columns that only a run with misaligned grips has."""
+    return () if _errors(scenario, _motion(scenario)) is None else SPACE_COLUMNS
+
+
+def cycles(scenario: Scenario) -> int:
+    """Return the command cycles of a run that goes to its end."""
+    return _motion(scenario).cycles
+
+
+def _motion(scenario: Scenario) -> NominalMotion:
+    return nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
+
+
+def _errors(scenario: Scenario, motion: NominalMotion) -> Vector | None:
+    return errors_over_time(misalignment_of(scenario), motion)
+
+
 class BendingRun(PlanarRun):
     """Bend the sheet along the scenario's path, between grips that may be misaligned in space."""
 
@@ -30,10 +48,8 @@ class BendingRun(PlanarRun):
         scenario: Scenario,
         compliance: Callable[[Scenario], Controller] = make_compliance,
     ) -> None:
-        motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
-        self._errors = errors_over_time(misalignment_of(scenario), motion)
-        if self._errors is not None:
-            self.task_columns = SPACE_COLUMNS
+        motion = _motion(scenario)
+        self._errors = _errors(scenario, motion)
         super().__init__(scenario, motion, compliance)
 
     def on_observed(self, cycle: int, seen: Observation) -> None:
