@@ -49,7 +49,7 @@ from dualbend.report.results import write_results  # noqa: E402
 from dualbend.run.disk.saved import load_run  # noqa: E402
 from dualbend.run.make import make_run  # noqa: E402
 from dualbend.scenario.load import load_scenario  # noqa: E402
-from dualbend.study.folder import RUNS, STUDY  # noqa: E402
+from dualbend.study.folder import RUNS, STUDY, StudyFolder  # noqa: E402
 from dualbend.study.onset import bisection  # noqa: E402
 from dualbend.study.onset.results import Case, Rate, Simulated  # noqa: E402
 
@@ -178,8 +178,9 @@ def make_onset(folder: Path) -> None:
         load_scenario("fig8"), bisection.RAYS_PER_S, bisection.ANGLES_RAD, ("rotation",)
     )
     cases = [made_up_case(key, *task[2:]) for key, task in tasks.items()]
-    (folder / STUDY).write_text('{"kind": "onset"}\n')
-    (folder / RUNS).write_bytes(b"".join(msgspec.json.encode(case) + b"\n" for case in cases))
+    study = StudyFolder(folder=folder, row=Case, study={"kind": "onset"})
+    (folder / STUDY).write_text(json.dumps(study.study))
+    (folder / RUNS).write_bytes(b"".join(study.line(case) for case in cases))
 
 
 def call(*words: str) -> None:

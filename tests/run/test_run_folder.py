@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,13 +13,14 @@ from click.testing import CliRunner
 from PIL import Image
 
 from dualbend.cli import main
-from dualbend.errors import InputError
+from dualbend.errors import InputError, Interrupted
 from dualbend.files import locked_folder, part_of, whole_file, write_whole
 from dualbend.report.results import write_results
 from dualbend.run.disk import folder as disk
 from dualbend.run.disk import output
 from dualbend.run.disk.folder import NUMBERS, RunFolder, run_folder
 from dualbend.run.disk.saved import load_run
+from dualbend.run.loop import Run
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import Trace, read_trace
@@ -152,6 +154,39 @@ def test_a_second_process_is_told_and_changes_nothing(tmp_path: Path) -> None:
         assert second.stderr.count("\n") == 1
         assert "another process is writing to it" in second.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def interrupting(monkeypatch: pytest.MonkeyPatch, at: int) -> None:
+    """Let a SIGTERM come in a cycle of the next run."""
+    original = Run.run
+
+    def run(self: Run, on_cycle: Callable[[int], None] | None = None) -> RunRecord:
+        def on(cycles: int) -> None:
+            if on_cycle is not None:
+                on_cycle(cycles)
+            if cycles == at:
+                raise Interrupted(signal.SIGTERM)
+
+        return original(self, on)
+
+    monkeypatch.setattr(Run, "run", run)
+
+
+def test_a_signal_leaves_an_earlier_run_as_it_was(
+    runs: tuple[RunRecord, RunRecord], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With an earlier run only the log is kept; without one, the half run is the result."""
+    interrupting(monkeypatch, 20)
+    asked = ["run", "fig6", *(w for s in SHORT for w in ("--set", s)), "--no-record", "--out"]
+    result = CliRunner().invoke(main, [*asked, str(tmp_path / "new")])
+    assert result.exit_code == 128 + signal.SIGTERM
+    assert load_run(tmp_path / "new").trace.rows == 20
+    write_results(runs[1], tmp_path / "old", record=False)
+    result = CliRunner().invoke(main, [*asked, str(tmp_path / "old")])
+    assert result.exit_code == 128 + signal.SIGTERM
+    assert "the earlier run in" in result.output
+    assert seed_of(tmp_path / "old") == 2
+    assert load_run(tmp_path / "old" / "unfinished", unfinished=True).trace.rows == 20
 
 
 def test_a_lock_is_free_after_its_process_and_leaves_nothing(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ Exact, all of them: a folder goes on, or it is refused with this message.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import pytest
 from dualbend.check.baseline import read_baseline
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
-from dualbend.study.folder import RUNS, STUDY
+from dualbend.study.folder import RUNS, STUDY, StudyFolder
 from dualbend.study.onset import bisection
 from dualbend.study.onset.bisection import onset_study
 from dualbend.study.onset.results import Case, Rate, Simulated
@@ -23,7 +24,7 @@ from dualbend.study.processes import in_processes
 from dualbend.study.robustness.run import run_study
 from dualbend.study.sweep.design import make_design
 from dualbend.study.sweep.file import load_sweep
-from dualbend.study.sweep.run import run_sweep
+from dualbend.study.sweep.run import RunRow, run_sweep
 from support.stand_in import PWB, a_sweeps_run, a_trial, never
 
 SWEEP = """
@@ -180,6 +181,26 @@ def test_what_is_no_row_at_the_end_is_not_cut_off(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("in_process")
+def test_rows_of_another_study_are_refused(tmp_path: Path) -> None:
+    """Two sweeps of one size: only the name in each row tells them apart."""
+    row = RunRow(index=0, outcome="completed")
+    one, other = (
+        StudyFolder(folder=tmp_path, row=RunRow, study={"sweep": text}) for text in ("a", "b")
+    )
+    for owner, refused in ((one, False), (other, True)):
+        (tmp_path / STUDY).write_text(json.dumps(one.study))
+        (tmp_path / RUNS).write_bytes(owner.line(row))
+        if refused:
+            with (
+                pytest.raises(InputError, match=r"line 1 is no run: it is of another one"),
+                one.opened(lambda row: row.index),
+            ):
+                pass
+        else:
+            with one.opened(lambda row: row.index) as (rows, _):
+                assert rows == {0: row}
+
+
 @pytest.mark.parametrize("name", [STUDY, RUNS])
 def test_what_is_no_file_is_refused(tmp_path: Path, name: str) -> None:
     robust(tmp_path, False)

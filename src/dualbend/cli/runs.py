@@ -7,7 +7,7 @@ import os
 import sys
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
@@ -99,6 +99,8 @@ def run(
             gc.freeze()
             result = ready.run(on_cycle=step)
             gc.unfreeze()
+        if result.signal and (kept.whole or not result.trace.rows):
+            _leave_the_log(result, kept)
         with uninterrupted():
             failures = _write(result, kept, record, picture)
     for failure in failures:
@@ -106,6 +108,12 @@ def run(
     if failures:
         sys.exit(EXIT_BAD_INPUT)
     exit_by(result)
+
+
+def _leave_the_log(result: RunRecord, kept: RunFolder) -> NoReturn:
+    """End after a signal, without a result that would take the place of an earlier, whole one."""
+    click.echo(f"dualbend: {result.reason}; {kept.said_of_log()}", err=True)
+    sys.exit(128 + result.signal)
 
 
 def _tell_stability(scenario: Scenario) -> None:

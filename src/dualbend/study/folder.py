@@ -6,6 +6,7 @@ which the runs ended). A row is on disk before the next run is waited for.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -92,7 +93,13 @@ class StudyFolder(Generic[Row]):
         *lines, rest = data.split(b"\n")
         rows: dict[Hashable, Row] = {}
         for number, text in enumerate(lines, start=1):
-            row = json_of(text, self.row, f"{path}: line {number} is no run")
+            said = f"{path}: line {number} is no run"
+            fields = json_of(text, dict[str, Any], said)
+            if (named := fields.pop("study", None)) != self.id:
+                other = "names no study" if named is None else f"is of another one than {STUDY}"
+                raise InputError(f"{said}: it {other}")
+            with refusing(said, msgspec.ValidationError):
+                row = msgspec.convert(fields, self.row)
             if key(row) in rows:
                 raise InputError(f"{path}: line {number}: run {key(row)} is there twice")
             rows[key(row)] = row
@@ -104,10 +111,19 @@ class StudyFolder(Generic[Row]):
             os.truncate(path, len(data) - len(rest))
         return rows
 
+    @property
+    def id(self) -> str:
+        """What the study is of, as every row names it."""
+        return hashlib.sha256(json.dumps(self.study, sort_keys=True).encode()).hexdigest()[:16]
+
+    def line(self, row: Row) -> bytes:
+        """Return the line of a row in ``runs.jsonl``."""
+        return msgspec.json.encode({"study": self.id, **msgspec.to_builtins(row)}) + b"\n"
+
     def _append(self, file: IO[bytes], row: Row) -> None:
         """Write a row to the disk; InputError where that is full, say."""
         with uninterrupted(), writing(self.folder / RUNS, "--out"):
-            write_all(file, msgspec.json.encode(row) + b"\n")
+            write_all(file, self.line(row))
             os.fsync(file.fileno())
 
 

@@ -43,6 +43,18 @@ class RunFolder:
         path.mkdir(exist_ok=True)
         return path
 
+    @property
+    def whole(self) -> bool:
+        """There is a whole run in it."""
+        return all((self.folder / name).is_file() for name in NUMBERS)
+
+    def said_of_log(self) -> str:
+        """Return what there is of a run that left no result, in words."""
+        earlier = f"the earlier run in {self.folder} is as it was; " if self.whole else ""
+        log = self.folder / UNFINISHED
+        there = (log / LOG).is_file()
+        return earlier + (f"dualbend report {log} shows this one" if there else "nothing was kept")
+
     @contextmanager
     def log(self, run: Run) -> Iterator[Callable[[], None]]:
         """Give what is to be called every cycle so that a killed run leaves ``trace.arrow``.
