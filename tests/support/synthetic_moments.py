@@ -35,6 +35,7 @@ class Synthetic:
 
     ``rate_per_s``: of the amplitude from the onset on, while it is exponential; None where there is
     no oscillation. ``peak_nm``: largest amplitude of the oscillation; ``noise_nm``: rms.
+    ``periods``: how many the amplitude is exponential and above three times the noise.
     """
 
     kind: str
@@ -44,6 +45,14 @@ class Synthetic:
     peak_nm: float
     noise_nm: float
     piece_s: float
+    periods: float
+
+    @property
+    def clear(self) -> bool:
+        """A rate that a method should tell: 1.5 periods, slower than e⁴ in one, off the noise."""
+        rate = abs(self.rate_per_s or 0.0)
+        high, slow = self.peak_nm >= 10.0 * self.noise_nm, rate <= 4.0 * self.frequency_hz
+        return high and slow and self.periods >= 1.5
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -64,26 +73,28 @@ def arches(rng: np.random.Generator, t: Vector, piece_s: float) -> Vector:
 
 def envelope(
     rng: np.random.Generator, kind: str, since: Vector, rate: float, peak: float
-) -> tuple[Vector, float]:
-    """Return the amplitude over the time since the onset (rows,), and the height it is cut at."""
+) -> tuple[Vector, float, float]:
+    """Return the amplitude over the time since the onset (rows,), and two heights of it.
+
+    That at which the moment is cut off, and that at the onset where it rises from there.
+    """
     small = peak * log_uniform(rng, 0.01, 0.3)
     growing = small * np.exp(np.minimum(rate * since, 50.0))
     if kind == "grows, stays":
         form = rng.integers(3)
         if form == 0:  # the amplitude stops
-            return np.minimum(growing, peak), math.inf
+            return np.minimum(growing, peak), math.inf, small
         if form == 1:  # the moment is cut off
-            return np.minimum(growing, 10.0 * peak), peak
+            return np.minimum(growing, 10.0 * peak), peak, small
         # Stuart-Landau: dA/dt = rate A (1 - (A/peak)²)
         part = (growing / small) ** 2
-        return small * np.sqrt(part / (1.0 + (small / peak) ** 2 * (part - 1.0))), math.inf
+        return small * np.sqrt(part / (1.0 + (small / peak) ** 2 * (part - 1.0))), math.inf, small
     if kind == "grows, decays":
         top = math.log(peak / small) / rate
         fall = rng.uniform(0.5, 10.0)
-        return np.where(since < top, growing, peak * np.exp(-fall * (since - top))), math.inf
-    if kind == "grows to the end":
-        return peak * np.exp(rate * (since - since[-1])), math.inf
-    return peak * np.exp(rate * (since - (since[-1] if rate > 0.0 else 0.0))), math.inf
+        fallen = peak * np.exp(-fall * (since - top))
+        return np.where(since < top, growing, fallen), math.inf, small
+    return peak * np.exp(rate * (since - (since[-1] if rate > 0.0 else 0.0))), math.inf, 0.0
 
 
 def _rate(rng: np.random.Generator, kind: str) -> float:
@@ -114,11 +125,13 @@ def draw(rng: np.random.Generator, kind: str | None = None) -> Synthetic:
     moment = arches(rng, t, piece_s) + rng.normal(0.0, noise_nm, t.size)
     step = rng.uniform(-peak, peak) if rng.random() < 1 / 3 else 0.0
     real_rate = rng.uniform(2.0, 10.0)
+    floor, lasting = 3.0 * noise_nm, 0.0
 
     def wave(since: Vector) -> Vector:
         return np.cos(2.0 * math.pi * frequency * since + phase)
 
     if kind == "rung by knots":
+        lasting = piece_s
         for knot in np.arange(0.0, t[-1], piece_s)[1:]:
             since = t - knot
             height = peak * rng.uniform(0.2, 1.0)
@@ -131,7 +144,8 @@ def draw(rng: np.random.Generator, kind: str | None = None) -> Synthetic:
     elif kind != "none":
         after = t >= onset
         since = t[after] - onset
-        size, cut = envelope(rng, kind, since, rate, peak)
+        size, cut, small = envelope(rng, kind, since, rate, peak)
+        floor, lasting = max(floor, small), float(since[-1])
         moment[after] += np.clip(size * wave(since), -cut, cut)
         moment[after] += step * (1.0 - np.exp(-real_rate * since))
     return Synthetic(
@@ -142,6 +156,7 @@ def draw(rng: np.random.Generator, kind: str | None = None) -> Synthetic:
         peak_nm=peak,
         noise_nm=noise_nm,
         piece_s=piece_s,
+        periods=frequency * min(lasting, max(0.0, math.log(peak / floor)) / abs(rate)),
     )
 
 
