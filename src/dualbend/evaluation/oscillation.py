@@ -37,20 +37,25 @@ ABSOLUTE_PER_S, RELATIVE = 0.2, 0.1
 PIECES_BELOW_HZ = 1.0
 """What is slower may be of the path's own pieces, and its residual is never taken for noise."""
 
-_STANDARD_ERRORS = 4.0
 _WINDOWS_S = tuple(0.336 * 1.26**i for i in range(12))
-_FEWEST_SAMPLES = 12
-_CUBIC_FROM_S = 1.7
-_STEPS = 5
-_COARSE_SHARE = 0.5
+_FEWEST_SAMPLES, _CUBIC_FROM_S = 12, 1.7
+_COARSE_SHARE, _STEPS = 0.5, 5
+"""Share of power in a wave of the grid from which a window is fitted, and in how many steps."""
+
+_FEWEST_PERIODS, _LARGEST_EXPONENT = 1.0, 6.0
 _LARGEST_RESIDUAL, _SMALLEST_PART = 0.4, 0.1
-_LARGEST_EXPONENT = 6.0
-_LAGS = 12
-_WHITE = 1.2
-_REACH = 1.0
+"""Residual over oscillation in a window, and oscillation over that of the record's largest."""
+
+_STANDARD_ERRORS, _BEND = 4.0, 0.5
+"""Error of a rate in standard errors; by how much of what is allowed it may change in a window."""
+
+_LAGS, _WHITE = 12, 1.2
+"""Ljung and Box's Q over the number of lags: 1 is the mean of white noise."""
+
 _LOOK_BACK = (0.15, 0.25, 0.35, 0.5, 1.0)
+"""How far before a window is looked, in periods."""
+
 _QUIET, _NOTHING, _SAME, _MORE = 0.2, 0.05, 0.3, 1.5
-_BEND = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +94,7 @@ def oscillation_of(moment: Vector, period_s: float) -> Oscillation:
             )
     return Oscillation(
         amplitude_nm=amplitude,
-        reason=reason or "the oscillation was there before it became exponential",
+        reason=reason or "no exponential part reaches back to the onset",
     )
 
 
@@ -274,12 +279,12 @@ def _telling(fits: _Fits, period_s: float) -> tuple[NDArray[np.bool_], str]:
         (speed <= FASTEST_PER_PERIOD * fits.frequency)
         & (fits.frequency >= LOWEST_HZ)
         & (fits.frequency <= HIGHEST_HZ)
-        & (fits.frequency * duration >= 1.0)
+        & (fits.frequency * duration >= _FEWEST_PERIODS)
         & (speed * duration <= _LARGEST_EXPONENT)
         & (fits.rest < _LARGEST_RESIDUAL * fits.size)
     )
     if not told.any():
-        return told, "no window holds a damped sinusoid well above what is beside it"
+        return told, "nothing oscillates well above what else the moment does"
     told &= fits.size >= _SMALLEST_PART * fits.size[told].max()
     for condition, reason in (
         (fits.error <= allowed, "too short or too noisy to tell a rate"),
@@ -296,11 +301,12 @@ def _by_start(fits: _Fits, told: NDArray[np.bool_], period_s: float) -> list[int
     if not told.any():
         return []
     allowed = np.maximum(ABSOLUTE_PER_S, RELATIVE * np.abs(fits.rate))
-    last = fits.start[told].min() + _REACH / (fits.frequency * period_s)
+    last = fits.start[told].min() + 1.0 / (fits.frequency * period_s)
     near = np.flatnonzero(told & (fits.start <= last))
     ordered = near[np.argsort((fits.error / allowed)[near])]
-    _, first = np.unique(fits.start[ordered], return_index=True)
-    return [int(i) for i in ordered[np.sort(first)]]
+    starts, first = np.unique(fits.start[ordered], return_index=True)
+    # A rate that windows of a single start tell is an accident.
+    return [int(i) for i in ordered[np.sort(first)]] if starts.size > 1 else []
 
 
 def _begins(moment: Vector, fit: _Fits, period_s: float) -> bool:
