@@ -124,5 +124,14 @@ def test_the_worst_piece_counts_wherever_it_is(fig6: RunRecord, worst: int) -> N
     assert math.isnan(vr._largest_ratio(compliant, [1.0] * 5, peaks[:4]))
 
 
+def test_fig9s_loop_grows_from_rest_as_its_eigenvalue_says_and_fig8s_does_not() -> None:
+    rows = list(vr.growth_rows())
+    assert len(rows) == 2
+    assert all(row.passed for row in rows)  # the criterion is the rows' own
+    assert rows[0].measured > 1.0  # golden: 2.3 1/s
+    # fig8 in fig9's place decays by 8 1/s: none is there to be told.
+    assert not any(row.passed for row in vr.growth_rows("fig8"))
+
+
 def _runs(fig6: RunRecord, fig8: RunRecord, exact: RunRecord) -> dict[str, RunRecord]:
     return {"fig6": fig6, "fig8": fig8, "fig9": fig8, "exact": exact}

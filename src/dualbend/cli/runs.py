@@ -188,7 +188,8 @@ def _write(
     folder = kept.folder
     show_end(result)
     for name, metric in result.metrics.items():
-        click.echo(f"  {name:<26}{shown(metric.value):>12}  {metric.unit}")
+        note = f"  ({metric.note})" if metric.note else ""
+        click.echo(f"  {name:<26}{shown(metric.value):>12}  {metric.unit}{note}")
     _show_sheet(result.summary.sheet)
     if record and result.simulated_s > 0.0 and (folder / "run.rrd").is_file():
         size = (folder / "run.rrd").stat().st_size / 1e6

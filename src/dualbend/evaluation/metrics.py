@@ -11,23 +11,13 @@ from itertools import zip_longest
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from dualbend.arm.joint_limits import joint_limit_margins
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.sheet import sheet_report
 from dualbend.run.arms import arm_pair
 from dualbend.run.record import Metric, RunRecord, Summary, TableRow
 from dualbend.scenario.motion import PHASES
 from dualbend.types import Vector
-
-OSCILLATION_ABOVE_HZ = 1.0
-"""What the moment does faster than this is oscillation: a linear piece of the path lasts longer."""
-
-OSCILLATION_WINDOW_S = 1.0
-_SHORTEST_RECORD = round(OSCILLATION_WINDOW_S / COMMAND_PERIOD_S)
-_FEWEST_EXTREMES = 3
-_NOTICEABLE = 0.3
 
 
 def bending_rows(result: RunRecord) -> NDArray[np.bool_]:
@@ -75,48 +65,6 @@ def surface_strain(result: RunRecord) -> Vector:
     spacing = sheet.length_m / config.model.sections
     curvature = np.abs(result.trace.bends).max(axis=1, initial=0.0) / spacing
     return np.asarray(curvature * sheet.thickness_m / 2.0)
-
-
-def oscillation_of(moment: Vector) -> tuple[float | None, float | None, float | None]:
-    """Return amplitude [N m], frequency [Hz] and growth rate [1/s] of a moment's oscillation.
-
-    The moment (rows,), one a command cycle, is passed forward and backward through a high-pass of
-    second order at 1 Hz. Amplitude: √2 times the largest root mean square over 1 s. Frequency: from
-    the mean distance of the extremes of at least 0.3 of the largest; None below 1 Hz, where they
-    are the path's own knots. Growth: slope of the logarithm of the extremes that grow one after
-    the other up to the largest; 0 where fewer than three do. Meaningful where a piece of the path
-    lasts longer than 1 s. All None where the record is too short.
-    """
-    if moment.size < _SHORTEST_RECORD:
-        return None, None, None
-    rate = 1.0 / COMMAND_PERIOD_S
-    sections = signal.butter(2, OSCILLATION_ABOVE_HZ, "highpass", fs=rate, output="sos")
-    fast = np.asarray(signal.sosfiltfilt(sections, moment))
-    window = np.ones(round(OSCILLATION_WINDOW_S * rate))
-    power = np.convolve(fast**2, window / window.size, mode="valid")
-    amplitude = math.sqrt(2.0 * float(power.max()))
-    at, _ = signal.find_peaks(np.abs(fast))
-    heights = np.abs(fast)[at]
-    if at.size < _FEWEST_EXTREMES:
-        return amplitude, None, 0.0
-    noticeable = at[heights >= _NOTICEABLE * heights.max()]
-    frequency = None
-    if noticeable.size >= _FEWEST_EXTREMES:
-        frequency = 0.5 / (float(np.mean(np.diff(noticeable))) * COMMAND_PERIOD_S)
-    if frequency is None or frequency < OSCILLATION_ABOVE_HZ:
-        return amplitude, None, 0.0
-    return amplitude, frequency, _growth(np.asarray(at * COMMAND_PERIOD_S), heights)
-
-
-def _growth(times_s: NDArray[np.floating], heights: NDArray[np.floating]) -> float:
-    last = int(np.argmax(heights))
-    first = last
-    while first > 0 and heights[first - 1] < heights[first]:
-        first -= 1
-    if last - first + 1 < _FEWEST_EXTREMES:
-        return 0.0
-    run = slice(first, last + 1)
-    return float(np.polyfit(times_s[run], np.log(heights[run]), 1)[0])
 
 
 def side_by_side(

@@ -22,11 +22,12 @@ from dualbend.types import SIDES, Side, Vector
 TableRow = dict[str, str | float | bool | None]
 
 
-class Metric(msgspec.Struct, frozen=True):
-    """A value, or one a piece, and its unit; null where the run was too short to tell."""
+class Metric(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A value, or one a piece, and its unit; null where the run does not tell, ``note`` why not."""
 
     value: float | list[float | None] | None
     unit: str
+    note: str = ""
 
 
 class Summary(msgspec.Struct, frozen=True, kw_only=True):

@@ -77,6 +77,7 @@ def _rows() -> Iterator[Row]:
     yield from runs.residual_rows(shipped)
     yield from runs.moment_rows(shipped["fig6"])
     yield from runs.comparison_rows(shipped)
+    yield from runs.growth_rows()
     yield runs.repeat_row(shipped["fig8"])
     yield from material.cell_rows()
     yield from assembly.assembly_rows()

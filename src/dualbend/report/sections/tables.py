@@ -37,8 +37,10 @@ def _unbroken(unit: str) -> str:
 
 
 def _value(metric: Metric | None, unit: str) -> object:
-    if metric is None or metric.unit == unit:
-        return metric and metric.value
+    if metric is None:
+        return None
+    if metric.unit == unit:
+        return metric.note or None if metric.value is None else metric.value
     return f"{shown(metric.value, missing='–')} {metric.unit}"
 
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.metrics import (
     bending_rows,
     common_metrics,
     finite,
-    oscillation_of,
     peak,
     peak_by_piece,
     sensing_column,
     surface_strain,
 )
+from dualbend.evaluation.oscillation import oscillation_of
 from dualbend.evaluation.peaks import common_peaks
 from dualbend.run.permanent_set import permanent_curvature
 from dualbend.run.record import Metric, RunRecord
@@ -44,7 +45,7 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
     """
     signals, scenario = peaks(result), result.scenario
     moment = sensing_column(result, "true_moment_y")[bending_rows(result)]
-    oscillation, frequency, growth = oscillation_of(moment)
+    found = oscillation_of(moment, COMMAND_PERIOD_S)
 
     def largest(name: str, unit: str) -> Metric:
         return Metric(peak(signals[name]), unit)
@@ -59,9 +60,9 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
             name: largest(name, "N" if "force" in name else "N m")
             for name in out_of_plane_columns(scenario)
         },
-        "oscillation": Metric(oscillation, "N m"),
-        "oscillation_frequency": Metric(frequency, "Hz"),
-        "oscillation_growth": Metric(growth, "1/s"),
+        "oscillation": Metric(found.amplitude_nm, "N m"),
+        "oscillation_frequency": Metric(found.frequency_hz, "Hz", found.reason),
+        "oscillation_growth": Metric(found.growth_per_s, "1/s", found.reason),
         "peak_deviation_x": largest("peak_deviation_x", "m"),
         "peak_deviation_alpha": largest("peak_deviation_alpha", "rad"),
         "peak_surface_strain": largest("peak_surface_strain", "1"),

@@ -5,7 +5,7 @@ What the sizes lie between is said in :mod:`dualbend.check.tolerances`.
 
 _SMOOTH = "rounding moves it by 1e-10, a tap or a cycle of delay more by 6e-3 or more in fig8"
 _ACROSS = "as much as the peak force; no shipped scenario is misaligned, so not measured there"
-_EXTREMES = "from extremes on a grid of 28 ms"
+_FITTED = "a window that a rounding adds or takes away moves the best one by a row"
 
 TOLERANCES = {
     "peak_moment": ("relative", 2e-3, 1e-6, _SMOOTH),
@@ -22,6 +22,6 @@ TOLERANCES = {
     "curvature_before_release": ("relative", 2e-3, 1e-6, _SMOOTH),
     "peak_surface_strain": ("relative", 2e-3, 1e-8, _SMOOTH),
     "oscillation": ("relative", 5e-3, 1e-6, _SMOOTH),
-    "oscillation_frequency": ("relative", 0.02, 0.1, _EXTREMES),
-    "oscillation_growth": ("relative", 0.02, 0.1, _EXTREMES),
+    "oscillation_frequency": ("relative", 0.02, 0.1, _FITTED),
+    "oscillation_growth": ("relative", 0.1, 0.2, _FITTED),
 }
