@@ -295,6 +295,12 @@ def test_no_shipped_scenario_is_warned_of_before_its_run() -> None:
         assert scenario_warnings(load_scenario(name)) == [], name
 
 
+@pytest.mark.parametrize("name", ["exact", "fig6", "tuned", "tuned-exact"])
+def test_a_shipped_run_is_not_warned_of(name: str) -> None:
+    """In short; the others are longer, and fig8 and fig9 have a warning, which is true."""
+    assert BendingRun(load_scenario(name, SHORT)).run().summary.warnings == []
+
+
 def test_a_run_without_a_cycle_has_nothing_to_say() -> None:
     full = record()
     empty = Trace(full.trace.columns, np.empty((0, len(full.trace.columns))))
