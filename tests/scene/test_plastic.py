@@ -16,6 +16,7 @@ from dualbend.run.permanent_set import hinge_moments, permanent_curvature
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.motion import PHASES
 from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.sheet import substance
 from dualbend.scene.sheet.strips import (
     StripConfig,
     add_sheet,
@@ -154,6 +155,17 @@ def test_a_named_material_gives_its_numbers_and_given_ones_win() -> None:
         settings = ("sheet.material=6061-T6", "sheet.young_pa=60e9")
         own = load_scenario("fig6", [settings[i] for i in order]).sheet.sheet()
         assert (own.young_pa, own.density_kg_per_m3) == (60e9, 2700.0)
+
+
+def test_a_given_modulus_keeps_the_ratio_of_the_slope_beyond_yield() -> None:
+    """Analytic: half of 5052-H32's modulus, half of its 0.29 GPa; a slope that is given wins."""
+    half = ["sheet.young_pa=35.15e9"]
+    own = substance(load_scenario("fig6", half).sheet).layers[0].material
+    assert own.tangent_pa == pytest.approx(0.145e9, rel=1e-12)
+    given = load_scenario("fig6", [*half, "sheet.tangent_pa=1e9"]).sheet
+    assert substance(given).layers[0].material.tangent_pa == 1e9
+    # The softest sheet that there may be is below that slope itself.
+    assert load_scenario("fig6", ["sheet.young_pa=1e8"]).sheet.sheet().young_pa == 1e8
 
 
 def test_the_resolved_file_makes_the_same_sheet_again(tmp_path: Path) -> None:

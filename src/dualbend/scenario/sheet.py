@@ -127,8 +127,9 @@ def _material(config: SheetConfig) -> Material:
         return named
     own = {key: getattr(named, key) for key in named.__dataclass_fields__}
     if "young_pa" in given:
-        # The library's modulus across and in shear belong to its own modulus along.
+        # The library's other moduli belong to its own modulus along; beyond yield the ratio stays.
         own["transverse_young_pa"] = own["shear_pa"] = None
+        own["tangent_pa"] = named.tangent_pa * given["young_pa"] / named.young_pa
     return Material(**{**own, **given})
 
 
