@@ -1,5 +1,6 @@
 """The command line as a user meets it: exit codes, messages, what a run leaves."""
 
+import html
 import json
 import os
 import subprocess
@@ -11,6 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner, Result
 
+from dualbend import load_run
 from dualbend.cli import main
 from dualbend.scenario.load import load_scenario
 
@@ -265,3 +267,43 @@ def test_what_cannot_be_predicted_runs_all_the_same(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "stability not predicted" in done.stderr
     assert (tmp_path / "mixed" / "trace.parquet").is_file()
+
+
+@pytest.fixture(scope="module")
+def mislabelled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A job of aluminium's numbers that was given the name of FR-4, of a sensor too weak."""
+    file = tmp_path_factory.mktemp("jobs") / "job.toml"
+    file.write_text(
+        'extends = "fig6"\nname = "job"\n[sheet]\nmaterial = "FR-4"\nyoung_pa = 70.3e9\n'
+        "[sensor]\nforce_range_n = 2\n",
+        encoding="utf-8",
+    )
+    return file
+
+
+def test_a_warning_is_told_once_and_stands_in_summary_and_report(
+    mislabelled: Path, tmp_path: Path
+) -> None:
+    result = call("run", str(mislabelled), *SHORT, "--no-record", "--out", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    summary = json.loads((tmp_path / "summary.json").read_text())["warnings"]
+    assert ["70.3e9" in w and "24e9" in w for w in summary] == [True, False]  # name, then sensor
+    told = [t for t in result.stderr.splitlines() if t.startswith("warning: job: ")]
+    assert told == [f"warning: job: {warning}" for warning in summary]
+    assert "warning: " not in result.stdout
+    assert load_run(tmp_path).summary.warnings == summary
+    assert call("report", str(tmp_path), "--out", str(tmp_path / "r.html")).exit_code == 0
+    page = html.unescape((tmp_path / "r.html").read_text(encoding="utf-8"))
+    for warning in summary:
+        assert page.count(f"<strong>Warning:</strong> {warning}") == 1
+
+
+def test_a_command_that_does_not_run_tells_of_the_name_as_well(
+    mislabelled: Path, tmp_path: Path
+) -> None:
+    out = ["--out", str(tmp_path / "scene.xml")]
+    result = call("scene", str(mislabelled), *out)
+    assert result.exit_code == 0
+    assert result.stderr.startswith('warning: job: sheet.material = "FR-4" stands beside numbers')
+    assert result.stderr.count("\n") == 1
+    assert call("scene", str(mislabelled), *out, "--set", "sheet.material=FR-4").stderr == ""

@@ -47,7 +47,7 @@ class Task:
     run: Any
     columns: Any = "dualbend.run.trace:no_columns"
     cycles: Any = None
-    summary: Any = "dualbend.evaluation.metrics:summarise"
+    summary: Any = "dualbend.evaluation.summary:summarise"
     metrics: Any = "dualbend.evaluation.metrics:common_metrics"
     tables: Any = "dualbend.evaluation.metrics:no_tables"
     peaks: Any = "dualbend.evaluation.peaks:common_peaks"

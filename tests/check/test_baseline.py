@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from dualbend.check.baseline import (
@@ -18,6 +19,7 @@ from dualbend.check.baseline import (
     sources,
     write_baseline,
 )
+from dualbend.check.settings import settings_of
 from dualbend.check.tolerances import Tolerance, better_where, default_tolerance
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import WALL_CLOCK
@@ -37,7 +39,7 @@ def entry(source: str = "fig8", **metrics: Gate) -> Entry:
         source=source,
         outcome="completed",
         model_sha256="0a",
-        scenario_sha256="0b",
+        settings={"seed": 1, "sheet": {"width_m": 0.057}},
         versions={"mujoco": "4.0.0", "dualbend": "0.1.0"},
         metrics=metrics,
     )
@@ -48,6 +50,8 @@ def test_the_committed_baseline_holds_every_shipped_scenario() -> None:
     assert set(baseline.scenarios) == set(list_scenarios())
     for name, one in baseline.scenarios.items():
         assert one.source == name
+        assert one.settings == settings_of(load_scenario(name)), f"dualbend check {name} --update"
+        assert one.scenario_sha256 == ""
         assert not WALL_CLOCK & set(one.metrics)  # a machine's speed is no property of the code
         assert (one.outcome == "refused") == (name == "pwb-impossible") == (not one.metrics)
 
@@ -96,6 +100,30 @@ def test_what_is_no_baseline_is_said(text: str, words: str, tmp_path: Path) -> N
     with pytest.raises(InputError, match=words) as caught:
         read_baseline(path)
     assert str(path) in str(caught.value)
+
+
+def test_a_table_of_settings_is_a_line(tmp_path: Path) -> None:
+    settings = settings_of(load_scenario("fig8"))
+    one = msgspec.structs.replace(entry(), settings=settings)
+    write_baseline(Baseline(scenarios={"x": one}), tmp_path / "b.json")
+    lines = (tmp_path / "b.json").read_text().splitlines()
+    (sheet,) = [line for line in lines if line.startswith('    "sheet": {')]
+    assert '"material": "5052-H32"' in sheet
+    assert (
+        '    "compliance.x": {"b": 7.0, "form": "printed", "from_alpha_rad": 0.2, "k": 575.0},'
+        in lines
+    )
+    assert '    "seed": 1,' in lines
+    assert read_baseline(tmp_path / "b.json").scenarios["x"].settings == settings
+
+
+def test_a_baseline_of_an_earlier_version_is_read(tmp_path: Path) -> None:
+    """It has a hash in the place of settings; written again it has neither, until an update."""
+    old = msgspec.structs.replace(entry(a=gate()), settings={}, scenario_sha256="0b")
+    write_baseline(Baseline(scenarios={"x": old}), tmp_path / "b.json")
+    text = (tmp_path / "b.json").read_text()
+    assert '"scenario_sha256": "0b"' in text and '"settings"' not in text
+    assert read_baseline(tmp_path / "b.json").scenarios["x"] == old
 
 
 def test_a_negative_tolerance_is_refused(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The comparison with a baseline: what it lets pass, what it catches, and what it says of that."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,6 +14,7 @@ from dualbend.check import report as check_report
 from dualbend.check.baseline import Baseline, read_baseline, write_baseline
 from dualbend.check.check import check, updated
 from dualbend.check.measure import Measured, measure, measure_all
+from dualbend.check.settings import changed_settings, settings_of
 from dualbend.check.tolerances import Tolerance, better_where, default_tolerance
 from dualbend.check.verdict import Finding, Verdicts, compare
 from dualbend.cli import main
@@ -50,6 +52,9 @@ _NO_TURN = "ik_rotation_residual_max"
 VERSIONS = {"mujoco": "4.0.0", "numpy": "2.4.6", "dualbend": "0.1.0"}
 
 
+SETTINGS = {"seed": 1, "sheet": {"width_m": 0.06}, "compliance.x": {"b": 7.0, "form": "printed"}}
+
+
 def measured(**metrics: float | list[float | None] | None) -> Measured:
     return Measured(
         name="x",
@@ -57,7 +62,7 @@ def measured(**metrics: float | list[float | None] | None) -> Measured:
         task="bending",
         outcome="completed",
         model_sha256="m",
-        scenario_sha256="s",
+        settings=SETTINGS,
         versions=VERSIONS,
         metrics={name: Metric(value, "N m") for name, value in metrics.items()},
         places={"peak_moment": [Place(time_s=1.5, phase="bend")]},
@@ -117,9 +122,19 @@ def test_what_was_not_touched_passes(mutated: tuple[Verdicts, Path]) -> None:
 
 
 def test_notes_tell_scenario_and_model_apart(mutated: tuple[Verdicts, Path]) -> None:
+    """Exact: each names its file's own key and the name, by which the copies differ."""
     notes = mutated[0].notes
-    assert [note.split(":")[0] for note in notes["modulus"]] == ["scenario change", "model change"]
-    assert [note.split(":")[0] for note in notes["delay"]] == ["scenario change"]
+    assert notes["modulus"] == [
+        'scenario change: name "untouched" → "modulus", sheet.young_pa none → 73.815e9',
+        "model change: the compiled model is not the baseline's",
+    ]
+    assert notes["delay"] == [
+        'scenario change: name "untouched" → "delay", robot.alter.delay_cycles 2 → 3'
+    ]
+    assert notes["damping"] == [
+        "scenario change: compliance.rotation.b 0.5 → 0.525, compliance.x.b 7.0 → 7.35, "
+        'name "untouched" → "damping"'
+    ]
 
 
 def test_results_do_not_depend_on_the_process(mutated: tuple[Verdicts, Path]) -> None:
@@ -174,8 +189,8 @@ def test_worse_better_and_within() -> None:
 def test_an_improvement_fails_too() -> None:
     found = judge(measured(peak_moment=1.0), measured(peak_moment=0.5))
     assert [finding.verdict for finding in found.failures] == ["better"]
-    assert "better: 1 → 0.5 N m (-50 %, allowed 0.2 %) at 1.500 s, bend" in "".join(
-        check_report.failure_lines(found)
+    assert "better: 1 → 0.5 N m (-50 %, allowed 0.2 %) at 1.500 s, bend" in check_report.sentence(
+        found.failures[0]
     )
 
 
@@ -225,14 +240,39 @@ def test_a_change_of_engine_is_told_apart_from_one_of_code() -> None:
     old, moved = measured(peak_moment=1.0), measured(peak_moment=2.0)
     engine = msgspec.structs.replace(moved, versions={**VERSIONS, "mujoco": "4.1.0"})
     found = judge(old, engine)
-    assert found.failures[0].cause.startswith("engine change (mujoco 4.0.0 → 4.1.0)")
-    assert found.notes["x"] == ["engine change: mujoco 4.0.0 → 4.1.0"]
+    (note,) = found.notes["x"]
+    assert note.startswith("engine change: mujoco 4.0.0 → 4.1.0; update the engine and")
+    assert found.failures[0].cause == note
     library = msgspec.structs.replace(moved, versions={**VERSIONS, "numpy": "2.5.0"})
     assert judge(old, library).failures[0].cause == (
         "change of code (libraries differ too: numpy 2.4.6 → 2.5.0)"
     )
-    settings = msgspec.structs.replace(engine, versions=VERSIONS, scenario_sha256="t")
-    assert judge(old, settings).failures[0].cause.startswith("change of the scenario's settings")
+    settings = {
+        "seed": 1,
+        "sheet": {"width_m": 0.063},
+        "compliance.x": {"b": 7.0},
+        "guard": {"n": 1},
+    }
+    other = msgspec.structs.replace(engine, versions=VERSIONS, settings=settings)
+    assert judge(old, other).failures[0].cause == (
+        'scenario change: compliance.x.form "printed" → none, guard.n none → 1, '
+        "sheet.width_m 0.06 → 0.063"
+    )
+
+
+def test_a_baseline_without_settings_blames_nothing_on_them() -> None:
+    old, new = baseline_of(measured(peak_moment=1.0)), measured(peak_moment=2.0)
+    entry = msgspec.structs.replace(old.scenarios["x"], settings={}, scenario_sha256="0b")
+    found = compare(Baseline(scenarios={"x": entry}), [new])
+    assert found.failures[0].cause == (
+        "change of code (or of settings, which the baseline does not hold)"
+    )
+    assert found.notes["x"] == ["no settings to compare: the baseline is of an earlier version"]
+    # An update takes them in, and drops the hash.
+    again = updated(Baseline(scenarios={"x": entry}), [new], Path("b")).scenarios["x"]
+    assert (again.settings, again.scenario_sha256) == (SETTINGS, "")
+    passed = compare(Baseline(scenarios={"x": again}), [new])
+    assert (passed.failures, passed.notes) == ([], {"x": []})
 
 
 def test_a_refusal_is_an_outcome() -> None:
@@ -390,7 +430,10 @@ def test_markdown_shows_failures_first(tmp_path: Path) -> None:
     assert text.startswith("## dualbend check: failed")
     assert text.index("WORSE") < text.index("<details>") < text.index("| x | rms_moment |")
     rows = [line for line in text.splitlines() if line.startswith("|")]
-    assert {line.count("|") for line in rows} == {9}
+    assert {line.count("|") for line in rows} == {10}
+    # A failure is a row before the fold and one in it.
+    assert text.count("| peak_moment |") == 2 and "peak_moment worse" not in text
+    assert "* x: change of code (the model too)" in text
 
 
 @pytest.mark.parametrize("write", [check_report.write_junit, check_report.write_markdown])
@@ -407,6 +450,60 @@ def test_the_conclusion_counts() -> None:
         "1 are not: where that is meant, --update"
     )
     assert check_report.table(_verdicts(), everything=False).count("\n") == 1
+
+
+def test_the_command_says_each_failure_and_the_setting_once(tmp_path: Path) -> None:
+    """A setting changed after the baseline: each row and the key with both values, once."""
+    file, baseline = tmp_path / "mine.toml", tmp_path / "b.json"
+    file.write_text(SHORT.format(name="mine"))
+    options = ["--baseline", str(baseline), "--workers", "1"]
+    assert CliRunner().invoke(main, ["check", str(file), *options, "--update"]).exit_code == 0
+    passed = CliRunner().invoke(main, ["check", *options])
+    assert passed.exit_code == 0 and passed.stdout.count("\n") == 1
+    file.write_text(SHORT.format(name="mine") + "[sheet]\nwidth_m = 0.06\n")
+    failed = CliRunner().invoke(main, ["check", *options])
+    assert failed.exit_code == 1
+    lines = failed.stdout.splitlines()
+    assert sum("peak_moment " in line for line in lines) == 1
+    (row,) = [line for line in lines if "peak_moment " in line]
+    assert row.split()[-4:][0] == "at" and row.endswith("s, bend")
+    assert [line for line in lines if "width_m" in line] == [
+        "mine: scenario change: sheet.width_m 0.057 → 0.06"
+    ]
+
+
+def test_what_is_true_of_all_scenarios_is_said_once_and_without_names() -> None:
+    old = {n: msgspec.structs.replace(measured(peak_moment=1.0), name=n) for n in ("x", "y")}
+    baseline = updated(Baseline(), list(old.values()), Path("b"))
+    later = {**SETTINGS, "guard": {"n": 1}}
+    new = [msgspec.structs.replace(one, settings=later) for one in old.values()]
+    assert check_report.explanations(compare(baseline, new)) == [
+        "scenario change: guard.n none → 1"
+    ]
+    new[1] = msgspec.structs.replace(new[1], outcome="failed", reason="it snapped")
+    assert check_report.explanations(compare(baseline, new)) == [
+        "scenario change: guard.n none → 1",
+        "y: failed: it snapped",
+    ]
+
+
+def test_the_settings_are_all_that_a_scenario_asks_for() -> None:
+    """Exact: resolved, the defaults too, as JSON gives them back; the description says nothing."""
+    scenario = load_scenario("pwb-misaligned", ["description=other"])
+    settings = settings_of(scenario)
+    assert settings == settings_of(load_scenario("pwb-misaligned"))
+    assert settings == json.loads(json.dumps(settings))
+    assert settings["seed"] == 1 and settings["task"]["kind"] == "assembly"
+    assert settings["task.errors"]["pickup_x_m"] == 1e-3
+    assert settings["compliance"]["sensing"] == ["left", "right"]
+    assert "young_pa" not in settings["sheet"]  # not set
+    deep = settings_of(load_scenario("pwb-misaligned", ["task.layout.holes.clearance_m=3e-4"]))
+    assert changed_settings(settings, deep) == ["task.layout.holes.clearance_m 0.0002 → 0.0003"]
+    off = settings_of(load_scenario("pwb-misaligned", ["task.compliance=none"]))
+    assert all(
+        "task.compliance." in line and line.endswith("→ none")
+        for line in changed_settings(settings, off)
+    )
 
 
 def test_a_change_of_nothing_has_no_percentage() -> None:

@@ -42,7 +42,7 @@ from dualbend.control.force_torque import (
     ToolGravityCompensation,
     WrenchChain,
 )
-from dualbend.control.guard import Guard, GuardConfig
+from dualbend.control.guard import Guard, GuardConfig, SensorGuard
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.control.servo import JointServo
 from dualbend.control.wrist import WristSensors
@@ -220,6 +220,16 @@ def test_guard_tells_what_is_outside(worlds: Shape, seed: int) -> None:
 
     inputs = dict.fromkeys(("q", "speed", "torque", "reference"), (1.5, (4,)))
     assert_worlds_are_single_ones(stream, worlds, seed, inputs)
+
+
+@FEW
+@given(WORLDS, SEEDS)
+def test_sensor_guard_tells_which_sensor_is_outside(worlds: Shape, seed: int) -> None:
+    def stream(shape: Shape, _: list[int], wrench: Vector) -> list[tuple[Any, ...]]:
+        guard = SensorGuard(GuardConfig(sensor_cycles=2), ("left", "right"), shape)
+        return [(guard.outside(np.abs(row) > 2.5),) for row in wrench]
+
+    assert_worlds_are_single_ones(stream, worlds, seed, {"wrench": (1.5, (2, 6))})
 
 
 # --- compliance ---------------------------------------------------------------------------------

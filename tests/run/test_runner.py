@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dualbend.arm.model import scene_joints
 from dualbend.arm.pair import paper_pair
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.guard import Guard, GuardConfig, ProtectiveStop
+from dualbend.control.guard import Guard, GuardConfig, ProtectiveStop, SensorGuard
 from dualbend.errors import InputError
 from dualbend.run.disk.folder import run_folder
 from dualbend.run.disk.output import write_numbers
@@ -378,6 +378,41 @@ def test_the_torque_limit_stops_after_cycles_in_a_row() -> None:
         checked.check(STILL, STILL, at(8, torque), STILL)
     with pytest.raises(ProtectiveStop, match=r"right_joint3 is at its torque limit of 50.0 N m"):
         checked.check(STILL, STILL, at(8, 50.0), STILL)
+
+
+def test_a_sensor_at_the_end_of_its_range_stops_after_cycles_in_a_row() -> None:
+    clipped, free = np.zeros((2, 6), dtype=bool), np.zeros((2, 6), dtype=bool)
+    clipped[1, [0, 4]] = True
+    checked = SensorGuard(GuardConfig(sensor_cycles=3), ["left", "right"])
+    for mask in (clipped, clipped, free, clipped, clipped):
+        checked.check(mask)
+    with pytest.raises(ProtectiveStop, match=r"right sensor .* \(force x, moment y\) for 3 cycles"):
+        checked.check(clipped)
+    # Cycles in a row of one sensor, whichever of its axes: two sensors in turn are neither's.
+    turns = SensorGuard(GuardConfig(sensor_cycles=2), ["left", "right"])
+    for mask in (clipped, clipped[::-1], clipped):
+        turns.check(mask)
+    other = np.roll(clipped, 1, axis=1)
+    with pytest.raises(ProtectiveStop, match=r"\(force y, moment z\) for 2 cycles"):
+        turns.check(other)
+
+
+def test_without_a_limit_a_saturated_sensor_stops_nothing() -> None:
+    unlimited = SensorGuard(GuardConfig(), ["left"])
+    for _ in range(1000):
+        unlimited.check(np.ones((1, 6), dtype=bool))
+
+
+@pytest.mark.parametrize(("cycles", "stops"), [("17", True), ("18", False)])
+def test_a_run_ends_where_its_sensor_is_saturated_for_as_long_as_is_allowed(
+    cycles: str, stops: bool
+) -> None:
+    """Exact: the tool weighs more than a range of 2 N, so all 17 cycles of the run are clipped."""
+    result = run("sensor.force_range_n=2", f"guard.sensor_cycles={cycles}")
+    assert result.outcome == ("protective_stop" if stops else "completed")
+    if stops:
+        assert result.reason.startswith("the left sensor is at the end of its range (force")
+        assert "for 17 cycles, at 0.448 s" in result.reason
 
 
 def test_the_worst_joint_is_the_one_that_is_named() -> None:

@@ -221,6 +221,7 @@ WRONG_SETTINGS = [
     ("robot.alter.delay_cycles=-1", "robot.alter.delay_cycles", "-1", "0"),
     ("robot.alter.delay_cycles=1000", "robot.alter.delay_cycles", "1000", "100"),
     ("guard.torque_cycles=0", "guard.torque_cycles", "0", "1"),
+    ("guard.sensor_cycles=0", "guard.sensor_cycles", "0", "1"),
     ("guard.speed_fraction=1.5", "guard.speed_fraction", "1.5", "1"),
     ("cell.base_distance_m=0.1", "cell.base_distance_m", "0.1", "0.3"),
     ("compliance.limit_x_m=0", "compliance.limit_x_m", "0", ""),

@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from dualbend.check.settings import Settings
 from dualbend.check.tolerances import Tolerance
 from dualbend.errors import InputError, writing
 from dualbend.files import write_whole
@@ -28,7 +29,7 @@ CRASHED: Literal["crashed"] = "crashed"
 """Outcome of a scenario on which the program itself failed; no baseline holds it."""
 
 _LINE_DEPTH = 4
-"""In the file, scenarios / name / metrics / name: what is below is on one line."""
+"""In the file, scenarios / name / metrics or settings / name: what is below is on one line."""
 
 Value = float | list[float | None] | None
 
@@ -41,17 +42,19 @@ class Gate(Config):
     tolerance: Tolerance
 
 
-class Entry(Config):
+class Entry(Config, omit_defaults=True):
     """A scenario in the baseline.
 
-    ``source``: a shipped scenario's name, or a file relative to the baseline. ``model_sha256`` and
-    ``scenario_sha256``: of the compiled model to seven digits, and of the resolved scenario.
+    ``source``: a shipped scenario's name, or a file relative to the baseline. ``model_sha256``: of
+    the compiled model to seven digits. ``settings``: of the resolved scenario; {} in an earlier
+    version's file, which had ``scenario_sha256`` for them: it is read, and no longer compared.
     """
 
     source: Annotated[str, msgspec.Meta(min_length=1)]
     outcome: EndedAs
     model_sha256: str
-    scenario_sha256: str
+    scenario_sha256: str = ""
+    settings: Settings = msgspec.field(default_factory=dict)
     versions: dict[str, str]
     metrics: dict[str, Gate]
 
@@ -93,7 +96,7 @@ def write_baseline(baseline: Baseline, path: Path) -> None:
 
 
 def _text(value: object, depth: int = 0) -> str:
-    """Return JSON with sorted keys and one line per metric, so that a difference is read by eye."""
+    """Return JSON with sorted keys and a line a metric or table, so that changes are seen."""
     if not isinstance(value, dict) or not value or depth == _LINE_DEPTH:
         return json.dumps(value, sort_keys=True, allow_nan=False, ensure_ascii=False)
     indent = " " * (depth + 1)

@@ -93,7 +93,7 @@ def _entry(old: Entry | None, one: Measured, path: Path) -> Entry:
         source=relative_source(one.source, path),
         outcome=one.outcome,
         model_sha256=one.model_sha256,
-        scenario_sha256=one.scenario_sha256,
+        settings=one.settings,
         versions=one.versions,
         metrics=metrics,
     )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
 
 from dualbend.check.baseline import CRASHED, EndedAs
+from dualbend.check.settings import Settings, settings_of
 from dualbend.errors import InputError
 from dualbend.evaluation.fingerprint import model_fingerprint
 from dualbend.evaluation.metrics import versions
@@ -16,7 +16,6 @@ from dualbend.evaluation.peaks import Place, last_place, peak_places
 from dualbend.run.make import make_run
 from dualbend.run.record import Metric, task_of
 from dualbend.scenario.load import load_scenario
-from dualbend.scenario.scenario import Scenario
 from dualbend.study.ending import REFUSED, metrics_of, outcome_of, result_of
 from dualbend.study.engine import Study
 from dualbend.study.processes import in_processes
@@ -37,7 +36,7 @@ class Measured(msgspec.Struct, frozen=True, kw_only=True):
     reason: str = ""
     end: Place | None = None
     model_sha256: str = ""
-    scenario_sha256: str
+    settings: Settings
     versions: dict[str, str]
     metrics: dict[str, Metric] = {}
     places: dict[str, list[Place | None]] = {}
@@ -54,7 +53,7 @@ def measure(source: str) -> Measured:
         "name": scenario.name,
         "source": source,
         "task": task_of(scenario).kind,
-        "scenario_sha256": scenario_hash(scenario),
+        "settings": settings_of(scenario),
         "versions": {k: v for k, v in versions().items() if k not in _NOT_OF_A_RESULT},
     }
     try:
@@ -72,12 +71,6 @@ def measure(source: str) -> Measured:
         outcome, reason = outcome_of(error)
         what |= {"outcome": REFUSED if outcome == REFUSED else CRASHED, "reason": reason}
     return Measured(**what)
-
-
-def scenario_hash(scenario: Scenario) -> str:
-    """Return the SHA-256 of what the resolved scenario asks for, its description apart."""
-    plain = msgspec.structs.replace(scenario, description="")
-    return hashlib.sha256(plain.to_toml().encode()).hexdigest()
 
 
 def measure_all(

@@ -12,7 +12,7 @@ from dualbend.errors import writing
 from dualbend.files import write_whole
 from dualbend.table import Column, Table, escaped, percent, shown
 
-_HEADINGS = ("scenario", "metric", "old", "new", "unit", "change", "allowed", "verdict")
+_HEADINGS = ("scenario", "metric", "old", "new", "unit", "change", "allowed", "verdict", "where")
 
 
 def table(verdicts: Verdicts, *, everything: bool = True) -> str:
@@ -25,13 +25,8 @@ def _table(found: Sequence[Finding]) -> Table:
     return Table(columns, [_cells(finding) for finding in found])
 
 
-def failure_lines(verdicts: Verdicts) -> list[str]:
-    """Return a sentence a failure: scenario, metric, old, new, change, time and phase, cause."""
-    return [sentence(finding) for finding in verdicts.failures]
-
-
 def sentence(finding: Finding) -> str:
-    """Say one failure in words."""
+    """Say one failure in words: scenario, metric, old, new, change, time and phase, cause."""
     old, new = (shown(value, ".5g") for value in (finding.old, finding.new))
     unit = f" {finding.unit}" if finding.unit not in {"", "1"} else ""
     parts = [f"{finding.scenario}: {finding.metric} {finding.verdict}: {old} → {new}{unit}"]
@@ -45,15 +40,21 @@ def sentence(finding: Finding) -> str:
     return "".join(parts)
 
 
-def note_lines(verdicts: Verdicts) -> list[str]:
-    """Return what else is not the baseline's, each once with the scenarios that it is true of."""
+def explanations(verdicts: Verdicts) -> list[str]:
+    """Return why values moved and what else is not the baseline's.
+
+    Each once, with the scenarios that it is true of.
+    """
     scenarios: dict[str, list[str]] = {}
     for name, notes in verdicts.notes.items():
-        for note in notes:
-            scenarios.setdefault(note, []).append(name)
+        failed = [finding for finding in verdicts.failures if finding.scenario == name]
+        ended = [f"{f.new}: {f.reason}" for f in failed if isinstance(f.new, str) and f.reason]
+        causes = [finding.cause for finding in failed if finding.cause]
+        for text in dict.fromkeys([*ended, *causes, *notes]):
+            scenarios.setdefault(text, []).append(name)
     return [
-        note if len(names) == len(verdicts.notes) > 1 else f"{', '.join(names)}: {note}"
-        for note, names in scenarios.items()
+        text if len(names) == len(verdicts.notes) > 1 else f"{', '.join(names)}: {text}"
+        for text, names in scenarios.items()
     ]
 
 
@@ -76,7 +77,7 @@ def conclusion(verdicts: Verdicts, *, updated: bool = False) -> str:
 
 
 def write_markdown(verdicts: Verdicts, path: Path) -> None:
-    """Write a table of failures, then all values folded away, as a pull request shows it.
+    """Write failures and their causes, then all values folded away, as a pull request shows it.
 
     Raises InputError where ``path`` cannot be written.
     """
@@ -84,8 +85,7 @@ def write_markdown(verdicts: Verdicts, path: Path) -> None:
     lines = [f"## dualbend check: {'failed' if failed else 'passed'}", "", conclusion(verdicts), ""]
     if failed:
         lines += [_table(verdicts.failures).markdown(), ""]
-        lines += [*(f"* {escaped(line)}" for line in failure_lines(verdicts)), ""]
-    lines += [*(f"* {escaped(line)}" for line in note_lines(verdicts)), ""]
+    lines += [*(f"* {escaped(line)}" for line in explanations(verdicts)), ""]
     lines += ["<details><summary>All values</summary>", "", _table(verdicts.findings).markdown()]
     lines += ["", "</details>", ""]
     with writing(path, "--markdown"):
@@ -142,4 +142,5 @@ def _cells(finding: Finding) -> tuple[float | str | None, ...]:
         percent(finding.change),
         finding.allowed,
         finding.verdict if not finding.failed else finding.verdict.upper(),
+        str(finding.place or ""),
     )

@@ -13,6 +13,7 @@ import msgspec
 
 from dualbend.check.baseline import Baseline, Entry, Gate
 from dualbend.check.measure import Measured
+from dualbend.check.settings import changed_settings
 from dualbend.check.tolerances import Better, better_where
 from dualbend.evaluation.peaks import Place
 from dualbend.run.record import Metric
@@ -31,7 +32,7 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
     """One value against its baseline's.
 
     ``metric`` has its index where the metric has several values. ``place``: of the new value, where
-    it is a peak's. ``cause``: of a change, as far as the baseline's versions tell.
+    it is a peak's. ``cause``: of a change, as far as the baseline tells.
     """
 
     scenario: str
@@ -141,11 +142,13 @@ def _verdict(
 def _differences(entry: Entry, one: Measured) -> list[str]:
     """Say what else is not as it was when the baseline was written."""
     changed = _version_changes(entry, one)
-    notes = [f"engine change: {changed.pop(ENGINE)}"] if ENGINE in changed else []
+    notes = [_engine_change(changed.pop(ENGINE))] if ENGINE in changed else []
     if changed:
         notes.append(f"library change: {', '.join(changed.values())}")
-    if one.scenario_sha256 != entry.scenario_sha256:
-        notes.append("scenario change: its resolved settings are not the baseline's")
+    if scenario := _scenario_change(entry, one):
+        notes.append(scenario)
+    if not entry.settings:
+        notes.append("no settings to compare: the baseline is of an earlier version")
     if one.model_sha256 != entry.model_sha256:
         notes.append("model change: the compiled model is not the baseline's")
     return notes
@@ -156,16 +159,27 @@ def _cause(entry: Entry, one: Measured) -> str:
     changed = _version_changes(entry, one)
     code = changed.pop("dualbend", None)
     if ENGINE in changed:
-        return (
-            f"engine change ({changed[ENGINE]}): update the engine and the baseline in a commit "
-            "of their own, then a change of code shows"
-        )
-    if one.scenario_sha256 != entry.scenario_sha256:
-        return "change of the scenario's settings (or of the code's defaults)"
+        return _engine_change(changed[ENGINE])
+    if scenario := _scenario_change(entry, one):
+        return scenario
     hints = [f"libraries differ too: {', '.join(changed.values())}"] if changed else []
     hints += [f"of {code}"] if code else []
     hints += ["the model too"] if one.model_sha256 != entry.model_sha256 else []
+    hints += [] if entry.settings else ["or of settings, which the baseline does not hold"]
     return f"change of code ({'; '.join(hints)})" if hints else "change of code, same engine"
+
+
+def _engine_change(versions: str) -> str:
+    return (
+        f"engine change: {versions}; update the engine and the baseline in a commit of their own, "
+        "then a change of code shows"
+    )
+
+
+def _scenario_change(entry: Entry, one: Measured) -> str:
+    """Name the settings that differ, of the file or of the code's defaults; "" where none do."""
+    changed = changed_settings(entry.settings, one.settings) if entry.settings else []
+    return f"scenario change: {', '.join(changed)}" if changed else ""
 
 
 def _version_changes(entry: Entry, one: Measured) -> dict[str, str]:

@@ -49,7 +49,7 @@ def check(
         check_report.write_markdown(verdicts, markdown)
     if verdicts.failures or everything:
         click.echo(check_report.table(verdicts, everything=everything))
-    for line in check_report.failure_lines(verdicts) + check_report.note_lines(verdicts):
+    for line in check_report.explanations(verdicts):
         click.echo(line)
     click.echo(check_report.conclusion(verdicts, updated=update))
     if verdicts.failures and not update:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -110,15 +110,29 @@ def print_json(value: object) -> None:
 
 def load(scenario: str, settings: tuple[str, ...], seed: int | None = None) -> Scenario:
     """Return the scenario that the command line names, with its settings."""
+    from dualbend.evaluation.warnings import name_warnings
     from dualbend.scenario.load import load_scenario
 
-    return load_scenario(scenario, settings, seed)
+    loaded = load_scenario(scenario, settings, seed)
+    show_warnings(loaded.name, name_warnings(loaded.sheet))
+    return loaded
+
+
+def show_warnings(name: str, warnings: Sequence[str]) -> None:
+    """Print warnings on a scenario to the standard error, each once in a command."""
+    told = click.get_current_context().meta.setdefault("dualbend.warnings", set())
+    for warning in warnings:
+        line = f"warning: {name}: {warning}"
+        if line not in told:
+            told.add(line)
+            click.echo(line, err=True)
 
 
 def show_end(result: RunRecord) -> None:
-    """Print how a run ended."""
+    """Print how a run ended, and what of its warnings was not told before it."""
     ended = f" ({result.reason})" if result.reason else ""
     click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
+    show_warnings(result.scenario.name, result.summary.warnings)
 
 
 def progress_bar(length: int, label: str) -> ProgressBar[int]:

@@ -23,6 +23,7 @@ from dualbend.cli.common import (
     load,
     progress_bar,
     show_end,
+    show_warnings,
     shown,
 )
 from dualbend.errors import InputError, writing
@@ -70,7 +71,7 @@ def run(
     if scenario is None:
         _which_scenario(asked=not _any_given())
         return
-    from dualbend.evaluation.sheet import sheet_report, sheet_warning
+    from dualbend.evaluation.warnings import scenario_warnings
     from dualbend.run.disk.folder import run_folder
     from dualbend.run.disk.output import uninterrupted
     from dualbend.run.make import make_run
@@ -79,9 +80,7 @@ def run(
     with run_folder(out if out is not None else Path("runs") / loaded.name) as kept:
         ready = make_run(loaded)
         live = nullcontext() if address is None else _live(ready, address, kept, record=record)
-        about = sheet_warning(sheet_report(loaded))
-        if about:
-            click.echo(f"warning: {loaded.name}: {about}", err=True)
+        show_warnings(loaded.name, scenario_warnings(loaded))
         _tell_stability(ready.scenario)
         with (
             progress_bar(ready.cycles, loaded.name) as bar,
@@ -275,6 +274,7 @@ def view(scenario: str, settings: tuple[str, ...]) -> None:
 
     result = run_in_viewer(make_run(load(scenario, settings)))
     click.echo(f"{result.outcome} {result.reason}".rstrip())
+    show_warnings(result.scenario.name, result.summary.warnings)
     exit_by(result)
 
 

@@ -58,6 +58,14 @@ class ForceTorqueConfig(Config):
             if not limit > count:
                 raise ValueError(f"{name} = {limit!r}: must be larger than the resolution, {count}")
 
+    @property
+    def full_scale(self) -> tuple[float, float]:
+        """Largest reading of a force [N] and of a torque [N m]: the range in whole counts."""
+        return (
+            _whole_counts(self.force_range_n, self.force_resolution_n),
+            _whole_counts(self.torque_range_nm, self.torque_resolution_nm),
+        )
+
     def latency_steps(self, step_s: float) -> int:
         """Return the latency in whole physics steps of `step_s` [s]: the nearest, halves up.
 
@@ -67,10 +75,14 @@ class ForceTorqueConfig(Config):
         return math.floor(self.latency_ms * 1e-3 / step_s + 0.5)
 
 
+def _whole_counts(full_range: float, count: float) -> float:
+    return math.floor(full_range / count + 1e-9) * count if count else full_range
+
+
 class Sensor:
     """Read a true wrench in S: add bias and white noise, clip to the range, round to counts.
 
-    Full scale is the range rounded down to whole counts. ``rng`` is the source of the noise; with a
+    ``rng`` is the source of the noise; with a
     leading shape one for each sensor, in C order: its noise does not depend on the others'. It is
     not drawn from when both noises are 0.
 
@@ -100,11 +112,7 @@ class Sensor:
         rows = self._noise.reshape(-1, 6)
         self._streams = list(zip(streams, rows, strict=True)) if self._scale.any() else []
         counts = (config.force_resolution_n, config.torque_resolution_nm)
-        ranges = (config.force_range_n, config.torque_range_nm)
-        full = [
-            math.floor(r / c + 1e-9) * c if c else r for r, c in zip(ranges, counts, strict=True)
-        ]
-        self._highest = _each(full, whole)
+        self._highest = _each(config.full_scale, whole)
         self._lowest = -self._highest
         # Channels that have counts: all, the forces, the torques or none.
         self._rounded = slice(0 if counts[0] else 3, 6 if counts[1] else 3)

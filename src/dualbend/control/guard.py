@@ -7,7 +7,10 @@ from typing import Annotated
 
 import numpy as np
 
-from dualbend.types import Config, Mask, Vector, said
+from dualbend.types import Config, Mask, Side, Vector, said
+
+SENSOR_AXES = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
+"""Names of a wrist sensor's axes, in the order of a reading."""
 
 
 class GuardConfig(Config):
@@ -16,10 +19,13 @@ class GuardConfig(Config):
     following_error_rad: Annotated[float, said("joint against its reference", gt=0)] = 0.02
     torque_cycles: Annotated[int, said("cycles in a row at the torque limit", ge=1)] = 3
     speed_fraction: Annotated[float, said("of the published joint speeds", gt=0, le=1)] = 1.0
+    sensor_cycles: (
+        Annotated[int, said("cycles in a row at a sensor's range end; none: no limit", ge=1)] | None
+    ) = None
 
 
 class ProtectiveStop(Exception):  # noqa: N818 - an event of the robot, not an error of ours
-    """The robot controller stops the arms; the message says which joint and why."""
+    """The robot controller stops the arms; the message says which joint or sensor and why."""
 
 
 class Guard:
@@ -79,4 +85,40 @@ class Guard:
                 f"for {self._cycles_at_limit[i]} cycles",
                 f"{name} is at its range's end, {np.degrees(q[i]):.1f} degrees",
             )[kind]
+        )
+
+
+class SensorGuard:
+    """Stops the arms where a wrist sensor tells too long less than acts on it.
+
+    Of the sensors of the arms ``sides``; ``shape``: leading shape.
+    """
+
+    def __init__(
+        self, config: GuardConfig, sides: Sequence[Side], shape: tuple[int, ...] = ()
+    ) -> None:
+        self._allowed, self._sides = config.sensor_cycles, sides
+        self._cycles_clipped = np.zeros((*shape, len(sides)), dtype=np.int_)
+
+    def outside(self, clipped: Mask) -> Mask:
+        """Tell which sensors (..., arms) were at their range's end for too long; once a cycle.
+
+        ``clipped`` (..., arms, 6): axes at the end of the range in this cycle.
+        """
+        self._cycles_clipped += 1
+        self._cycles_clipped *= clipped.any(axis=-1)
+        if self._allowed is None:
+            return np.zeros_like(self._cycles_clipped, dtype=np.bool_)
+        return np.asarray(self._cycles_clipped >= self._allowed)
+
+    def check(self, clipped: Mask) -> None:
+        """Raise ProtectiveStop where a sensor (arms,) of a single robot cell is :meth:`outside`."""
+        outside = self.outside(clipped)
+        if not outside.any():
+            return
+        i = int(np.argmax(outside))
+        axes = ", ".join(np.array(SENSOR_AXES)[clipped[i]])
+        raise ProtectiveStop(
+            f"the {self._sides[i]} sensor is at the end of its range ({axes}) "
+            f"for {self._cycles_clipped[i]} cycles"
         )

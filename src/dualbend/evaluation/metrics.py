@@ -8,14 +8,10 @@ import platform
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.arm.joint_limits import joint_limit_margins
-from dualbend.evaluation.sheet import sheet_report
-from dualbend.run.arms import arm_pair
-from dualbend.run.record import Metric, RunRecord, Summary, TableRow
+from dualbend.run.record import Metric, RunRecord, TableRow
 from dualbend.scenario.motion import PHASES
 from dualbend.types import Vector
 
@@ -100,23 +96,6 @@ def versions() -> dict[str, str]:
 def no_tables(_: RunRecord) -> dict[str, list[TableRow]]:
     """Return the tables beside the metrics of a task that has none."""
     return {}
-
-
-def summarise(result: RunRecord) -> Summary:
-    """Return the numbers of a run, as ``summary.json`` holds them."""
-    scenario = result.scenario
-    return Summary(
-        scenario=scenario.name,
-        seed=scenario.seed,
-        outcome=result.outcome,
-        reason=result.reason,
-        controller=result.controller,
-        versions=versions(),
-        sheet=msgspec.to_builtins(sheet_report(scenario)),
-        metrics=result.metrics,
-        arms=msgspec.to_builtins(joint_limit_margins(arm_pair(scenario), result.trace.setpoints)),
-        tables=result.task.part("tables")(result),
-    )
 
 
 def peak(values: Vector) -> float | None:

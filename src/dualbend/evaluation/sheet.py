@@ -1,6 +1,6 @@
 """What a scenario's sheet is in numbers: rigidity and its consequence, and whether it will yield.
 
-Theory only, before the run; the part ``sheet`` of the summary, and the warning that precedes a run.
+Theory only, before the run: the part ``sheet`` of the summary.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from dualbend.beam.rigidity import Rigidity, searle_parameter
 from dualbend.beam.rod import planar as rod
 from dualbend.beam.sheet import Sheet
 from dualbend.scenario.scenario import Scenario
-from dualbend.scenario.sheet import substance
+from dualbend.scenario.sheet import NUMBERS, SheetConfig, substance
+from dualbend.scenario.toml_text import number
 
 _POINTS = 25
 """End slopes at which the nominal path is solved: 40 mrad on the shipped ones."""
@@ -40,11 +41,12 @@ class SheetReport(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes
     ----------
-    material : names of the layers, or "given" for numbers without a name
+    material : names of the layers, with the numbers that are given beside a name; or "given" for
+        numbers without a name
     rigidity, choices : the way that is taken, and all of them with their consequence
     searle_parameter : w² κ / t at the path's largest curvature; about 1 beam, above 100 plate
-    limit_strain, nominal_strain : surface strain that yields or breaks the sheet, and the largest
-        of the nominal path in theory; None where no limit is known
+    limit_strain, nominal_strain : surface strain that yields or breaks the sheet (None: not known),
+        and the largest of the nominal path in theory
     exceeds : the second is above the first
     yields : it yields there; else it breaks
     plastic : the simulated sheet yields and springs back
@@ -73,12 +75,11 @@ def sheet_report(scenario: Scenario) -> SheetReport:
     sheet, whole = scenario.sheet.sheet(), substance(scenario.sheet)
     known = scenario.sheet.limit_strain
     limit = None if known is None else scenario.limit_strain
-    strain = None if limit is None else nominal_strain(scenario)
-    exceeds = limit is not None and strain is not None and strain > limit
-    named = scenario.sheet.material is not None or scenario.sheet.layers is not None
+    strain = nominal_strain(scenario)
+    exceeds = limit is not None and strain > limit
     curvature = elastica.curvature_max(scenario.path.end_rad, sheet.length_m)
     return SheetReport(
-        material=" / ".join(x.material.name for x in whole.layers) if named else "given",
+        material=_material(scenario.sheet),
         thickness_m=sheet.thickness_m,
         young_pa=sheet.young_pa,
         density_kg_per_m3=sheet.density_kg_per_m3,
@@ -134,20 +135,13 @@ def nominal_strain(scenario: Scenario) -> float:
     return max(largest) * sheet.thickness_m / 2.0
 
 
-def sheet_warning(report: SheetReport) -> str:
-    """Return what to say before the run, "" where the sheet stays below its limit."""
-    if not report.exceeds:
-        return ""
-    what = "yields" if report.yields else "breaks"
-    text = (
-        f"the sheet ({report.material}) {what}: its surface strain reaches "
-        f"{report.nominal_strain:.2e} on the nominal path, above {report.limit_strain:.2e}"
-    )
-    if report.plastic:
-        return f"{text}; it is simulated so (sheet.plastic)"
-    if report.yields:
-        return f"{text}; it is simulated elastic, set sheet.plastic = true for a permanent set"
-    return f"{text}; it is simulated as if it did not"
+def _material(sheet: SheetConfig) -> str:
+    """Return what a sheet is made of: a name never hides numbers that are given beside it."""
+    if sheet.material is None:
+        layers = substance(sheet).layers if sheet.layers else ()
+        return " / ".join(layer.material.name for layer in layers) or "given"
+    given = [f"{key} = {number(x)}" for key in NUMBERS if (x := getattr(sheet, key)) is not None]
+    return f"{sheet.material} with {', '.join(given)}" if given else sheet.material
 
 
 def no_theory(scenario: Scenario) -> str:

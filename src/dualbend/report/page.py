@@ -22,7 +22,7 @@ from dualbend.report.moment import (
 )
 from dualbend.report.over_time import OverTime
 from dualbend.report.plot import common
-from dualbend.report.section import Chapter, Figure, Panels, Section, Verdict
+from dualbend.report.section import Chapter, Figure, Panels, Section, Verdict, Warned
 from dualbend.report.sections.summary import arms_section, sheet_section
 from dualbend.report.sections.tables import (
     ended,
@@ -104,7 +104,8 @@ def chapter(run: RunRecord, name: str) -> Chapter:
         *(sheet_section(run), arms_section(run), settings_section(run), origin_section(run)),
     ]
     sections = [section for section in found if section is not None]
-    return Chapter(name, [run.scenario.description, verdict], sections)
+    warned = [Warned(warning) for warning in run.summary.warnings]
+    return Chapter(name, [run.scenario.description, verdict, *warned], sections)
 
 
 def common_sections(run: RunRecord) -> list[Section | None]:

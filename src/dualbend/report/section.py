@@ -42,7 +42,13 @@ class Verdict(NamedTuple):
     seed: int
 
 
-Block = str | Markup | Table | Figure | Panels | Details | Verdict
+class Warned(NamedTuple):
+    """Where a run contradicts physics, in a sentence."""
+
+    text: str
+
+
+Block = str | Markup | Table | Figure | Panels | Details | Verdict | Warned
 """A text is a paragraph of its own."""
 
 

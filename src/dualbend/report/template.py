@@ -9,7 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markdown_it import MarkdownIt
 from markupsafe import Markup
 
-from dualbend.report.section import Details, Figure, Panels, Verdict
+from dualbend.report.section import Details, Figure, Panels, Verdict, Warned
 from dualbend.table import Code, Table
 
 
@@ -23,7 +23,7 @@ def render(name: str, **values: object) -> str:
         lstrip_blocks=True,
     )
     environment.policies["json.dumps_kwargs"] = {"allow_nan": False}
-    for kind in (Table, Code, Figure, Panels, Details, Verdict, Markup):
+    for kind in (Table, Code, Figure, Panels, Details, Verdict, Warned, Markup):
         environment.tests[kind.__name__.lower()] = _is_a(kind)
     return environment.get_template(name).render(**values)
 

@@ -20,7 +20,7 @@ from dualbend.control.force_torque import (
     WrenchChain,
     WrenchReading,
 )
-from dualbend.control.guard import Guard, ProtectiveStop
+from dualbend.control.guard import Guard, ProtectiveStop, SensorGuard
 from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError
 from dualbend.run.cell import RobotCell
@@ -109,6 +109,7 @@ class Run:
             simulation.torque_limit,
             self.cell.arms.speed_limit,
         )
+        self._sensor_guard = SensorGuard(self.scenario.guard, [SIDES[i] for i in self.sensors.arms])
         self._on_cycle = on_cycle
         self._q = self._previous = self.cell.home
         self.sample = self.start()
@@ -180,8 +181,10 @@ class Run:
     ) -> tuple[Observed, Command]:
         """Return what the controller observes and the command that it makes of it.
 
-        ``nominal``: of both arms (2, 3), each in its own bending frame.
+        ``nominal``: of both arms (2, 3), each in its own bending frame. Raises ProtectiveStop where
+        a sensor is at its range's end for longer than the guard allows.
         """
+        self._sensor_guard.check(reading.clipped)
         observed = Observed.of(
             reading,
             time_s=(self.trace.rows - 1) * COMMAND_PERIOD_S,

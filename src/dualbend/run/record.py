@@ -33,6 +33,7 @@ class Metric(msgspec.Struct, frozen=True, omit_defaults=True):
 class Summary(msgspec.Struct, frozen=True, kw_only=True):
     """``summary.json``: how the run ended and its numbers; ``tables`` are those of its task.
 
+    ``warnings``: where it contradicts physics or its purpose, a sentence each.
     ``sheet`` and ``arms`` are as they were written; {} where the run's version did not. ``run``:
     which run it is; None before it is written, and where its version did not say it.
     """
@@ -44,6 +45,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     reason: str
     controller: str = ""
     versions: dict[str, str]
+    warnings: list[str] = []
     sheet: dict[str, Any] = {}
     metrics: dict[str, Metric]
     arms: dict[str, Any] = {}

@@ -16,7 +16,8 @@ from dualbend.scene.sheet.strips import StripConfig
 from dualbend.types import Config, said
 
 _PROPERTIES = ("young_pa", "poisson_ratio", "density_kg_per_m3")
-_NUMBERS = (*_PROPERTIES, "yield_pa", "tangent_pa")
+NUMBERS = (*_PROPERTIES, "yield_pa", "tangent_pa")
+"""Keys of a material's numbers, which win over those of its name."""
 
 
 def check_sheet(config: SheetConfig) -> None:
@@ -53,7 +54,7 @@ def _refuse_contradictions(config: SheetConfig) -> None:
             other = "layers" if missing == ["thickness_m"] else "a material or layers"
             raise InputError(f"{', '.join(missing)}: missing; give a number, or {other}")
         return
-    both = [k for k in ("material", *_NUMBERS) if getattr(config, k) is not None]
+    both = [k for k in ("material", *NUMBERS) if getattr(config, k) is not None]
     if both:
         raise InputError(f"{both[0]}: the layers say it already; give one of the two")
     total = sum(layer.thickness_m for layer in config.layers)
@@ -118,7 +119,7 @@ def substance(config: SheetConfig) -> Laminate:
 
 def _material(config: SheetConfig) -> Material:
     """Return the named material with what is given in the place of its own numbers."""
-    given = {key: getattr(config, key) for key in _NUMBERS if getattr(config, key) is not None}
+    given = {key: getattr(config, key) for key in NUMBERS if getattr(config, key) is not None}
     if config.material is None:
         return Material(name="its material", **given)
     named = _named(config.material, "material")
@@ -126,8 +127,9 @@ def _material(config: SheetConfig) -> Material:
         return named
     own = {key: getattr(named, key) for key in named.__dataclass_fields__}
     if "young_pa" in given:
-        # The library's modulus across and in shear belong to its own modulus along.
+        # The library's other moduli belong to its own modulus along; beyond yield the ratio stays.
         own["transverse_young_pa"] = own["shear_pa"] = None
+        own["tangent_pa"] = named.tangent_pa * given["young_pa"] / named.young_pa
     return Material(**{**own, **given})
 
 
@@ -179,7 +181,7 @@ class SheetConfig(Config):
             str,
             said(
                 "from `dualbend materials`; gives what is none below",
-                extra={"replaces": ("layers", *_NUMBERS)},
+                extra={"replaces": ("layers", *NUMBERS)},
             ),
         ]
         | None
@@ -191,7 +193,7 @@ class SheetConfig(Config):
                 "a laminate from its lower to its upper face, symmetric",
                 min_length=1,
                 max_length=50,
-                extra={"replaces": ("material", "thickness_m", *_NUMBERS)},
+                extra={"replaces": ("material", "thickness_m", *NUMBERS)},
             ),
         ]
         | None
