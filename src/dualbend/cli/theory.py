@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dualbend.cli.common import EXIT_FAILED_CHECK, JSON, PATH, command, print_json
+from dualbend.cli.common import EXIT_FAILED_CHECK, JSON, NUMBER, PATH, command, print_json
 from dualbend.errors import InputError, writing
 from dualbend.files import write_whole
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dualbend.validation.table import Row
 
 
-_number = partial(click.option, type=float)
+_number = partial(click.option, type=NUMBER)
 
 
 @command(
