@@ -86,7 +86,7 @@ SETTINGS = click.option(
     metavar="PATH.TO.KEY=VALUE",
     help="Change one key of the scenario; may be given more than once.",
 )
-SEED = click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Seed of the sensor noise.")
+SEED = click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")
 WORKERS = click.option(
     "--workers", type=click.IntRange(1, 256), help="Processes; default: one per core."
 )

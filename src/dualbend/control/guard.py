@@ -13,8 +13,10 @@ from dualbend.types import Config, Mask, Vector, said
 class GuardConfig(Config):
     """Limits of the robots' own protective stop; the defaults are assumed."""
 
-    following_error_rad: Annotated[float, said("joint against its reference", gt=0)] = 0.02
-    torque_cycles: Annotated[int, said("cycles in a row at the torque limit", ge=1)] = 3
+    following_error_rad: Annotated[float, said("joint against its reference", gt=0, le=10)] = 0.02
+    torque_cycles: Annotated[
+        int, said("cycles in a row at the torque limit", ge=1, le=1_000_000)
+    ] = 3
     speed_fraction: Annotated[float, said("of the published joint speeds", gt=0, le=1)] = 1.0
 
 
