@@ -148,6 +148,8 @@ class Commands(click.Group):
                 _tell("the input is nested too deep")
             elif isinstance(error, OSError):
                 _tell(": ".join(str(s) for s in (error.filename, error.strerror or error) if s))
+            elif "MUJOCO_GL" in str(error):  # MuJoCo reads it when it is imported
+                _tell(f"{error}; unset it, or take egl, osmesa or glfw")
             else:
                 raise
         sys.exit(EXIT_BAD_INPUT)

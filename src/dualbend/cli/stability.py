@@ -11,7 +11,6 @@ import click
 from dualbend.cli.common import (
     EXIT_FAILED_CHECK,
     JSON,
-    NUMBER,
     PATH,
     SCENARIO,
     SETTINGS,
@@ -21,6 +20,8 @@ from dualbend.cli.common import (
     print_json,
 )
 from dualbend.errors import InputError
+
+_FACTOR = Number(1e-9, 1e9)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,14 +41,14 @@ if TYPE_CHECKING:
 @click.option("--map", "map_file", type=PATH, help="PNG of the stable region in (b, k).")
 @click.option(
     "--map-b",
-    type=(NUMBER, NUMBER),
+    type=(_FACTOR, _FACTOR),
     default=(1e-2, 1e2),
     show_default=True,
     help="Range of b in the map, times the scenario's.",
 )
 @click.option(
     "--map-k",
-    type=(NUMBER, NUMBER),
+    type=(_FACTOR, _FACTOR),
     default=(1e-4, 1e1),
     show_default=True,
     help="Range of k in the map, times the scenario's.",
