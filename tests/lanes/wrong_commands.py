@@ -60,6 +60,8 @@ def case_of(chance: random.Random, folder: Path) -> Case:
             case.environment.pop(name, None)
         else:
             case.environment[name] = value
+            if name == "MUJOCO_GL" and case.codes:  # MuJoCo itself refuses to be imported
+                case.codes |= {2}
     if chance.random() < 0.6:
         _streams(chance, case)
     return case
