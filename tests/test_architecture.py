@@ -40,7 +40,7 @@ ROOMS = (
 HOMES = {
     "mink": "scene/ik.py",
     "rerun": ("recording/", "task/"),
-    "matplotlib": ("report/figures.py", "study/"),
+    "matplotlib": "report/canvas.py",
     "bokeh": "report/bokeh.py",
     "contourpy": "report/stability_map.py",
     "jinja2": "report/template.py",

@@ -1,8 +1,12 @@
 """What can go wrong, as one family of exceptions."""
 
+import reprlib
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
+
+_LONGEST_VALUE, _LONGEST_MESSAGE = 80, 500
+"""Characters of a value in a message, and of a message."""
 
 
 class DualbendError(Exception):
@@ -22,6 +26,24 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, number: int) -> None:
         super().__init__(number)
         self.signal = number
+
+
+def shortened(text: str, most: int = _LONGEST_MESSAGE) -> str:
+    """Return a text on one line, the middle left out of one of more than ``most`` characters."""
+    line = " ".join(text[: 10 * most].splitlines() + text[10 * most :][-most:].splitlines())
+    return line if len(line) <= most else f"{line[: 2 * most // 3]} ... {line[-(most // 3) :]}"
+
+
+def brief(value: object) -> str:
+    """Return a user's value as Python writes it, short whatever it is: for a message."""
+    try:
+        return shortened(_REPR.repr(value), _LONGEST_VALUE)
+    except (ValueError, RecursionError):  # more digits than Python writes
+        return f"a {type(value).__name__} too large to show"
+
+
+_REPR = reprlib.Repr()
+_REPR.maxstring = _REPR.maxother = _REPR.maxlong = _LONGEST_VALUE
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, brief
 
 GROUP = "dualbend.tasks"
 """Entry points of installed packages whose objects are tasks."""
@@ -94,7 +94,7 @@ class Tasks:
         if kind not in self._found:
             self._look()
         if kind not in self._found:
-            raise InputError(f"no task of kind {kind!r}: there are {', '.join(self._found)}")
+            raise InputError(f"no task of kind {brief(kind)}: there are {', '.join(self._found)}")
         task: Task = loaded(self._found[kind])
         return task
 

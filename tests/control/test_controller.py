@@ -12,7 +12,7 @@ from dualbend.control.alter import AlterMode
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
 from dualbend.control.compliance.pair import PairCompliance
-from dualbend.control.controller import Command, ControlledPath, Observation
+from dualbend.control.controller import Command, ControlledPath, ControllerFailed, Observation
 from dualbend.control.filters import LowPass, NoFilterConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,
@@ -21,7 +21,6 @@ from dualbend.control.force_torque import (
     WrenchChain,
 )
 from dualbend.control.wrist import WristSensors
-from dualbend.errors import InputError
 from dualbend.types import PlanarPose
 
 Array = NDArray[np.float64]
@@ -231,7 +230,7 @@ def test_a_deviation_out_of_the_bending_plane_is_refused(component: int) -> None
     deviation = np.zeros((2, 6))
     deviation[1, component] = 1e-9
     path = ControlledPath(lambda _: deviation, delay_cycles=0, mode="world")
-    with pytest.raises(InputError, match="need 0 in components 1, 3 and 5"):
+    with pytest.raises(ControllerFailed, match="need 0 in components 1, 3 and 5"):
         path.command(observe(make(), (NOTHING, NOTHING)))
 
 

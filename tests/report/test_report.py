@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 from markupsafe import escape
-from matplotlib.figure import Figure as Canvas
 
 from dualbend.cli import main
+from dualbend.report.canvas import Figure as Canvas
 from dualbend.report.figures import draw
 from dualbend.report.moment import (
     bending_rows,

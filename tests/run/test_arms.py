@@ -7,6 +7,7 @@ from dualbend.arm.catalog import JOINT_COUNT
 from dualbend.errors import InputError
 from dualbend.run.arm_list import arm_table, evaluate_arms, table_markdown, table_text, verdict_text
 from dualbend.run.arm_load import sheet_load
+from dualbend.run.arms import arm_pair
 from dualbend.run.known_sheet import known_sheet
 from dualbend.scenario.load import load_scenario, parse_scenario
 from dualbend.task.bending.run import BendingRun
@@ -117,6 +118,28 @@ def test_the_load_of_a_table_is_that_of_its_straight_pieces() -> None:
 def test_bad_arms_are_refused_with_the_choices(setting: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         load_scenario("fig6", [setting])
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        # Joint 4 of a Panda does not reach 0 (its data sheet: -3.0718 to -0.0698 rad).
+        (
+            ("robot.model=panda", "cell.home_rad=[0,0,0,0,0,0,0]"),
+            r"cell\.home_rad\[3\] = 0: panda_joint4 of 'panda' goes from -3\.072 to -0\.0698 rad$",
+        ),
+        (
+            ("robot.model=ur5", "cell.right.home_rad=[0,-90,90,0,90,0]"),
+            r"cell\.right\.home_rad\[1\] = -90: .* if these are degrees: "
+            r"cell\.right\.home_rad = \[0\.0, -1\.5708, 1\.5708, 0\.0, 1\.5708, 0\.0\]",
+        ),
+    ],
+)
+def test_a_home_pose_outside_a_joints_range_is_refused(
+    settings: tuple[str, ...], words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        arm_pair(load_scenario("fig6", settings))
 
 
 def test_seven_stiffnesses_for_seven_joints() -> None:

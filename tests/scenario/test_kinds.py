@@ -124,7 +124,10 @@ def test_a_dictionary_says_what_texts_say(tables: dict[str, Any], texts: list[st
             {"sheet": {"widht_m": 0.06}},
             "fig6.toml with settings: sheet.widht_m = 0.06: unknown key",
         ),
-        ({"sheet": {"width_m": "wide"}}, "sheet.width_m = 'wide': Expected `float`"),
+        (
+            {"sheet": {"width_m": "wide"}},
+            "sheet.width_m = 'wide': must be a number ≥ 0.005, ≤ 3 [m]",
+        ),
         ({"sheet": {"width_m": float("nan")}}, "sheet.width_m = nan: must be a finite number"),
         ({"sheet": {"width_m": {"x": 1}}}, "settings: 'width_m' is a value, not a section"),
         ({"sheet": {"width_m": object()}}, "settings: need numbers, texts, lists and tables"),

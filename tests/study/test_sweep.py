@@ -9,7 +9,10 @@ from click.testing import CliRunner
 
 from dualbend.cli import main
 from dualbend.errors import InputError
+from dualbend.run.make import make_run
+from dualbend.scenario.load import load_scenario
 from dualbend.scene.simulation import Observation, Simulation
+from dualbend.study.ending import metrics_of
 from dualbend.study.engine import Lost, Place
 from dualbend.study.folder import RUNS
 from dualbend.study.processes import in_processes
@@ -111,11 +114,35 @@ def test_a_sweep_that_is_refused_as_a_whole_leaves_no_folder(tmp_path: Path) -> 
     assert not (tmp_path / "s").exists()
 
 
-def test_a_run_that_is_lost_is_a_row(tmp_path: Path) -> None:
-    def losing(tasks: Mapping[int, Any], _: object) -> Generator[tuple[int, Lost]]:
-        yield from ((index, Lost("its process died")) for index in tasks)
+@pytest.mark.usefixtures("in_process")
+def test_a_misspelt_metric_is_refused_before_a_run(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"metrics = 'peak_momnet': did you mean peak_moment"):
+        go(tmp_path / "s", never, text='metrics = ["peak_momnet"]\n' + TEXT)
+    assert not (tmp_path / "s").exists()
 
-    rows = go(tmp_path / "s", never, losing)
+
+@pytest.mark.parametrize("name", ["fig8", "pwb"])
+def test_the_metrics_that_a_sweep_knows_are_those_that_runs_have(name: str, tmp_path: Path) -> None:
+    """Exact: by the columns of a run's own metrics, of bending and of an assembly."""
+    short = ("path.end_rad=0.18", "motion.speed_rad_per_s=1.0", "motion.hold_s=0.1")
+    run = make_run(load_scenario(name, short))
+    run.begin()
+    for _ in range(60):
+        run.step()
+    names = ", ".join(f'"{metric}"' for metric in metrics_of(run.record("completed", "", 1.0)))
+    text = f"metrics = [{names}]\n{TEXT.replace('fig8', name)}"
+    if name == "pwb":
+        text = text[: text.index("compliance.x.b")] + "physics.step_s = { values = [1.75e-3] }"
+    go(tmp_path / "s", *(never, lost_all), text=text)
+
+
+def lost_all(tasks: Mapping[int, Any], _: object) -> Generator[tuple[int, Lost]]:
+    """Make no run."""
+    yield from ((index, Lost("its process died")) for index in tasks)
+
+
+def test_a_run_that_is_lost_is_a_row(tmp_path: Path) -> None:
+    rows = go(tmp_path / "s", never, lost_all)
     assert {(row.outcome, row.reason) for row in rows} == {("error", "its process died")}
     assert go(tmp_path / "s", never) == rows
 

@@ -289,7 +289,7 @@ NORMAL = {"distribution": "normal", "mean": 1.0, "std": 0.1}
         ),
         (
             {"sample": GRID, "keys": {"sheet.young_pa": {"min": "a", "max": 1.0, "steps": 3}}},
-            r"keys\.sheet\.young_pa\.min = 'a': Expected `float`, got `str`",
+            r"keys\.sheet\.young_pa\.min = 'a': must be a number",
         ),
         (
             {"sample": GRID, "keys": {"sheet.young_pa": {"values": [1.0], "stpes": 3}}},

@@ -10,7 +10,7 @@ import difflib
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, brief
 
 ArmName = Literal["puma560", "ur3", "ur5", "ur10", "panda", "xarm7", "z1"]
 
@@ -29,7 +29,9 @@ def arm_name(text: str, key: str = "robot.model") -> ArmName:
             return name
     close = difflib.get_close_matches(text, JOINT_COUNT, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    raise InputError(f"{key} = {text!r}: no such arm; {hint}there are {', '.join(JOINT_COUNT)}")
+    raise InputError(
+        f"{key} = {brief(text)}: no such arm; {hint}there are {', '.join(JOINT_COUNT)}"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

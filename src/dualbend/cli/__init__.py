@@ -1,7 +1,7 @@
 """The command line: reads the arguments, calls the package, prints, returns an exit code.
 
 0 completed, or ended as the scenario expects; 1 a validation row or a check fails; 2 bad input; 3 a
-protective stop or failed run that the scenario does not expect; 130 interrupted before a result.
+protective stop or failed run that the scenario does not expect; 128 + n ended by signal n.
 Heavy imports happen inside the commands.
 """
 

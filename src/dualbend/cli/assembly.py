@@ -51,7 +51,11 @@ def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
 @SCENARIO
 @click.option("--runs", type=click.IntRange(min=1), required=True, help="Number of draws.")
 @click.option(
-    "--seed", type=click.IntRange(min=0), default=1, show_default=True, help="Seed of the draws."
+    "--seed",
+    type=click.IntRange(0, 2**63 - 1),
+    default=1,
+    show_default=True,
+    help="Seed of the draws.",
 )
 @WORKERS
 @click.option("--out", type=PATH, help="Folder of the study.")

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from dualbend.errors import DualbendError, writing
+from dualbend.cli.process import lost, signals_raised, whole_streams
+from dualbend.errors import DualbendError, shortened, writing
 from dualbend.files import write_whole
 
 if TYPE_CHECKING:
@@ -24,7 +28,45 @@ _EXAMPLES_HEADING = "\b\nExample:"
 
 EXIT_FAILED_CHECK, EXIT_BAD_INPUT, EXIT_UNEXPECTED, EXIT_INTERRUPTED = 1, 2, 3, 130
 
-PATH = click.Path(path_type=Path)
+
+class _Path(click.Path):
+    """A path that is not empty: an empty one would be the present folder."""
+
+    def convert(
+        self,
+        value: str | os.PathLike[str],
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> Any:  # noqa: ANN401 - click's own
+        """Refuse what a script's empty variable gives."""
+        if not os.fspath(value):
+            self.fail("is empty; give a path", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class Number(click.FloatRange):
+    """A finite number, within bounds where there are some."""
+
+    def convert(
+        self,
+        value: Any,  # noqa: ANN401 - click's own
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> Any:  # noqa: ANN401 - click's own
+        """Refuse infinities, and what is no number."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} must be a finite number", param, ctx)
+        return number
+
+
+_LONGEST_USAGE = 300
+"""Characters of what is wrong with an option, beside three lines of click's own."""
+
+PATH = _Path(path_type=Path)
+FILE = _Path(path_type=Path, dir_okay=False)
+FOLDER = _Path(path_type=Path, file_okay=False)
+NUMBER = Number()
 
 
 def complete_scenarios(
@@ -68,18 +110,65 @@ def command(*lines: str, name: str | None = None) -> Callable[[Callable[..., Non
 class Commands(click.Group):
     """A group of commands that reports bad input by one message and exit code 2."""
 
+    def __call__(self, *args: Any, **extra: Any) -> NoReturn:  # noqa: ANN401 - click's own
+        """Run the command line as a process of its own."""
+        code: str | int | None = None
+        with whole_streams() as output, signals_raised() as came:
+            try:
+                self.main(*args, **extra)
+            except SystemExit as end:
+                code = end.code
+            except KeyboardInterrupt:  # before or after there was a command
+                pass
+            sys.stdout.flush()
+            if reason := lost(output):
+                _tell(reason)
+                code = code or EXIT_BAD_INPUT
+        sys.exit(128 + came[0] if came else code)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the options before the command."""
+        with _short_usage():
+            return super().parse_args(ctx, args)
+
     def invoke(self, ctx: click.Context) -> object:
         """Run the command of the command line."""
         try:
-            return super().invoke(ctx)
+            with _short_usage():
+                return super().invoke(ctx)
         except DualbendError as error:
-            click.echo(f"dualbend: {error}", err=True)
-            sys.exit(EXIT_BAD_INPUT)
+            _tell(str(error))
         except (KeyboardInterrupt, Exception) as error:
-            if not _interrupted(error):
+            if _interrupted(error):
+                _tell("interrupted before there was a result")
+                sys.exit(EXIT_INTERRUPTED)
+            if isinstance(error, MemoryError):
+                _tell("there is not memory enough for this")
+            elif isinstance(error, RecursionError):
+                _tell("the input is nested too deep")
+            elif isinstance(error, OSError):
+                _tell(": ".join(str(s) for s in (error.filename, error.strerror or error) if s))
+            elif "MUJOCO_GL" in str(error):  # MuJoCo reads it when it is imported
+                _tell(f"{error}; unset it, or take egl, osmesa or glfw")
+            else:
                 raise
-            click.echo("dualbend: interrupted before there was a result", err=True)
-            sys.exit(EXIT_INTERRUPTED)
+        sys.exit(EXIT_BAD_INPUT)
+
+
+def _tell(message: str) -> None:
+    click.echo(f"dualbend: {shortened(message)}", err=True)
+
+
+@contextmanager
+def _short_usage() -> Iterator[None]:
+    """Shorten what click says of a wrong option."""
+    try:
+        yield
+    except click.UsageError as error:
+        said = error.format_message()
+        if len(said) <= _LONGEST_USAGE or isinstance(error, click.exceptions.NoArgsIsHelpError):
+            raise
+        raise click.UsageError(shortened(said, _LONGEST_USAGE), error.ctx) from error
 
 
 def _interrupted(error: BaseException | None) -> bool:

@@ -16,7 +16,7 @@ from dualbend.cli.common import (
     deliver,
     print_json,
 )
-from dualbend.errors import InputError, refusing
+from dualbend.errors import InputError, brief, refusing
 
 
 @command("dualbend list", name="list")
@@ -114,7 +114,7 @@ def materials(name: str | None, markdown: bool, out: Path | None, as_json: bool)
     from dualbend.beam import material_table
     from dualbend.beam.material import find_material, library
 
-    with refusing(f"NAME = {name!r}"):
+    with refusing(f"NAME = {brief(name)}"):
         shown = library() if name is None else {name: find_material(name)}
     if as_json:
         text = material_table.as_json(shown)

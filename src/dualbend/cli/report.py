@@ -6,14 +6,14 @@ from pathlib import Path
 
 import click
 
-from dualbend.cli.common import PATH, SETTINGS, command
+from dualbend.cli.common import FILE, FOLDER, PATH, SETTINGS, command
 
 
 @command("dualbend report runs/fig8", "dualbend report runs/fig6 runs/fig8 --out both.html")
 @click.argument("runs", nargs=-1, required=True, metavar="DIR [DIR ...]", type=PATH)
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=FILE,
     help="HTML file.  [default: report.html in the folder of one run, else here]",
 )
 def report(runs: tuple[Path, ...], out: Path | None) -> None:
@@ -39,7 +39,7 @@ def report(runs: tuple[Path, ...], out: Path | None) -> None:
 @command("dualbend figures --out figures")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     default=Path("figures"),
     show_default=True,
     help="Folder for runs, pictures and page.",

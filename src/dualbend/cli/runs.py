@@ -13,10 +13,12 @@ import click
 
 from dualbend.cli.common import (
     EXIT_BAD_INPUT,
+    NUMBER,
     PATH,
     SCENARIO,
     SEED,
     SETTINGS,
+    Number,
     command,
     complete_scenarios,
     exit_by,
@@ -220,10 +222,12 @@ def _show_sheet(sheet: dict[str, Any]) -> None:
 @SETTINGS
 @SEED
 @click.option("--camera", help="Camera of the scene: front; bed, in an assembly.")
-@click.option("--fps", type=float, default=10.0, show_default=True, help="Frames per second.")
-@click.option("--speed", type=float, default=4.0, show_default=True, help="Speed over real time.")
+@click.option("--fps", type=NUMBER, default=10.0, show_default=True, help="Frames per second.")
+@click.option("--speed", type=NUMBER, default=4.0, show_default=True, help="Speed over real time.")
 @click.option("--width", type=int, default=480, show_default=True, help="Width in pixels (16:9).")
-@click.option("--at", "at_s", type=float, help="Time of the picture [s]; default: the end.")
+@click.option(
+    "--at", "at_s", type=Number(min=0.0), help="Time of the picture [s]; default: the end."
+)
 @click.option("--inset/--no-inset", default=True, help="Show a pin close up, in an assembly.")
 def render(
     scenario: str,
@@ -298,7 +302,7 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
 @command("dualbend benchmark fig8 --repeat 3")
 @click.argument("scenario", default="fig8", shell_complete=complete_scenarios)
 @SETTINGS
-@click.option("--repeat", type=click.IntRange(min=1), default=5, help="Number of repetitions.")
+@click.option("--repeat", type=click.IntRange(1, 1000), default=5, help="Number of repetitions.")
 def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
     """Compare the time of the loop with that of bare mj_step calls.
 

@@ -14,11 +14,14 @@ from dualbend.cli.common import (
     PATH,
     SCENARIO,
     SETTINGS,
+    Number,
     command,
     load,
     print_json,
 )
 from dualbend.errors import InputError
+
+_FACTOR = Number(1e-9, 1e9)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,14 +41,14 @@ if TYPE_CHECKING:
 @click.option("--map", "map_file", type=PATH, help="PNG of the stable region in (b, k).")
 @click.option(
     "--map-b",
-    type=(float, float),
+    type=(_FACTOR, _FACTOR),
     default=(1e-2, 1e2),
     show_default=True,
     help="Range of b in the map, times the scenario's.",
 )
 @click.option(
     "--map-k",
-    type=(float, float),
+    type=(_FACTOR, _FACTOR),
     default=(1e-4, 1e1),
     show_default=True,
     help="Range of k in the map, times the scenario's.",
@@ -182,8 +185,12 @@ def _word(stable: bool) -> str:
 @command("dualbend tune fig6 --out tuned.toml")
 @SCENARIO
 @click.option("--out", type=PATH, help="Scenario file to write.")
-@click.option("--gain-margin", type=float, default=6.0, help="Minimum gain margin [dB].")
-@click.option("--phase-margin", type=float, default=30.0, help="Minimum phase margin [deg].")
+@click.option(
+    "--gain-margin", type=Number(0.0, 100.0), default=6.0, help="Minimum gain margin [dB]."
+)
+@click.option(
+    "--phase-margin", type=Number(0.0, 180.0), default=30.0, help="Minimum phase margin [deg]."
+)
 @click.option("--seeds", type=click.IntRange(1, 20), default=3, help="Noise seeds, 1 to n.")
 @SETTINGS
 def tune(

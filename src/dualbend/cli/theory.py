@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dualbend.cli.common import EXIT_FAILED_CHECK, JSON, PATH, command, print_json
+from dualbend.cli.common import EXIT_FAILED_CHECK, JSON, NUMBER, PATH, Number, command, print_json
 from dualbend.errors import InputError, writing
 from dualbend.files import write_whole
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dualbend.validation.table import Row
 
 
-_number = partial(click.option, type=float)
+_number = partial(click.option, type=NUMBER)
 
 
 @command(
@@ -43,7 +43,12 @@ _number = partial(click.option, type=float)
     "half_distance_m",
     help="Half distance of the grips [m]; default: no end moment.",
 )
-@_number("--weight", "weight_n_per_m", help="Weight q [N/m]; default: the material's, or 0.")
+@click.option(
+    "--weight",
+    "weight_n_per_m",
+    type=Number(0.0, 1e4),
+    help="Weight q [N/m]; default: the material's, or 0.",
+)
 @JSON
 def beam(*, as_json: bool, **given: Any) -> None:  # noqa: ANN401 - as the options say
     """Compute force, moment and shape of a sheet between two grips.
@@ -53,6 +58,7 @@ def beam(*, as_json: bool, **given: Any) -> None:  # noqa: ANN401 - as the optio
     """
     from dualbend.beam.calculator import bent_sheet
 
+    _refuse_no_sheet(given)
     state = bent_sheet(**given)
     if as_json:
         import json
@@ -62,6 +68,19 @@ def beam(*, as_json: bool, **given: Any) -> None:  # noqa: ANN401 - as the optio
     for key, value in state.items():
         shown = f"{value:>14.6g}" if isinstance(value, float) else f"{value!s:>14}"
         click.echo(f"{key:<30}{shown}")
+
+
+def _refuse_no_sheet(given: dict[str, Any]) -> None:
+    """Refuse what the section [sheet] of a scenario refuses."""
+    from dualbend.scenario.explain import converted
+    from dualbend.scenario.sheet import SheetConfig
+    from dualbend.scenario.structs import fields_of
+
+    sheet = {key: given[key] for key in fields_of(SheetConfig) if given.get(key) is not None}
+    if "material" not in sheet:
+        # What a state does not depend on.
+        sheet = {"young_pa": 1e9, "poisson_ratio": 0.3, "density_kg_per_m3": 1e3, **sheet}
+    converted(sheet, SheetConfig, "beam")
 
 
 @command("dualbend validate --markdown validation.md", "dualbend validate --arm ur5")

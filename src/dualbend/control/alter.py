@@ -21,6 +21,15 @@ class AlterConfig(Config):
     delay_cycles: Annotated[int, said("transport delay [command periods]", ge=0, le=100)] = 1
 
 
+def refuse_out_of_plane(deviation: Vector) -> None:
+    """Raise InputError where a deviation (..., 6) has a part along y, in roll or in yaw."""
+    if np.count_nonzero(deviation[..., 1::2]):
+        raise InputError(
+            "a deviation along y, in roll or in yaw cannot be executed: the commanded poses "
+            "are in the bending plane; need 0 in components 1, 3 and 5"
+        )
+
+
 class PlanarPathModification:
     """Add a deviation to a nominal grip pose (x, z, α) in the bending frame B.
 
@@ -44,11 +53,7 @@ class PlanarPathModification:
         InputError
             The deviation has a part out of the bending plane: along y, in roll or in yaw.
         """
-        if np.count_nonzero(deviation[..., 1::2]):
-            raise InputError(
-                "a deviation along y, in roll or in yaw cannot be executed: the commanded poses "
-                "are in the bending plane; need 0 in components 1, 3 and 5"
-            )
+        refuse_out_of_plane(deviation)
         planar = deviation[..., ::2]
         if self._start_alpha_rad is None:
             self._start_alpha_rad = nominal.alpha_rad

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import traceback
+from pathlib import Path
 from typing import Protocol
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.control.alter import AlterMode, PlanarPathModification
+from dualbend.control.alter import AlterMode, PlanarPathModification, refuse_out_of_plane
 from dualbend.control.delay import TransportDelay
 from dualbend.control.force_torque import WrenchReading
+from dualbend.errors import InputError
 from dualbend.types import Mask, PlanarPose, Vector, Wrench
 
 
@@ -85,6 +88,10 @@ class Controller(Protocol):
         """Return the deviation (..., 2, 6) of this cycle."""
 
 
+class ControllerFailed(Exception):  # noqa: N818 - it ends a run, as a protective stop does
+    """A controller raised an exception, or gave what is no deviation; the message says which."""
+
+
 class Command(msgspec.Struct, frozen=True, kw_only=True):
     """What is sent in one cycle.
 
@@ -114,8 +121,33 @@ class ControlledPath:
         self._modification = PlanarPathModification(mode)
 
     def command(self, observation: Observation) -> Command:
-        """Ask the controller and modify the nominal poses."""
-        deviation = self.controller(observation)
+        """Ask the controller and modify the nominal poses.
+
+        Raises
+        ------
+        ControllerFailed
+            The controller did, or its deviation is not finite, or of another shape, or cannot be
+            executed.
+        """
+        shape = (*observation.nominal.coordinates.shape[:-1], 6)
+        try:
+            deviation = np.asarray(self.controller(observation), dtype=np.float64)
+        except Exception as error:
+            raise ControllerFailed(f"{type(error).__name__}: {error}{_place(error)}") from error
+        if deviation.shape != shape:
+            raise ControllerFailed(f"its deviation is of shape {deviation.shape}, not {shape}")
+        if not np.isfinite(deviation).all():
+            raise ControllerFailed(f"its deviation is not finite: {deviation.tolist()}")
+        try:
+            refuse_out_of_plane(deviation)
+        except InputError as error:
+            raise ControllerFailed(str(error)) from error
         pose = self._modification.compose(observation.nominal, self._delay.update(deviation))
         saturated = getattr(self.controller, "saturated", _NEVER)
         return Command(deviation=deviation, pose=pose, saturated=saturated)
+
+
+def _place(error: Exception) -> str:
+    """Return file and line where an exception was raised, in parentheses."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""

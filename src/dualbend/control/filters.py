@@ -32,7 +32,7 @@ class _CutOff(Tagged):
         The cut-off is not below Nyquist (17.857 Hz).
     """
 
-    cutoff_hz: Annotated[float, said("design cut-off, below 17.857 [Hz]", gt=0)] = 10.0
+    cutoff_hz: Annotated[float, said("design cut-off, below 17.857 [Hz]", gt=0, le=1e3)] = 10.0
 
     def __post_init__(self) -> None:
         if not self.cutoff_hz < NYQUIST_HZ:

@@ -17,9 +17,10 @@ from dualbend.control.filters import LowPass
 from dualbend.errors import InputError
 from dualbend.types import Config, Mask, Vector, Wrench, matvec, said
 
-_Noise = said("standard deviation per axis and sample; 0: none", ge=0)
-_Count = said("one count; 0: not rounded", ge=0)
-_Range = said("full scale ± per axis", gt=0)
+_Noise = said("standard deviation per axis and sample; 0: none", ge=0, le=1e4)
+_Count = said("one count; 0: not rounded", ge=0, le=1e4)
+_Range = said("full scale ± per axis", gt=0, le=1e5)
+_Error = Annotated[float, msgspec.Meta(ge=-1e4, le=1e4)]
 _Bias = said("constant error along x, y, z of the sensor")
 
 
@@ -39,15 +40,15 @@ class ForceTorqueConfig(Config):
 
     force_noise_n: Annotated[float, _Noise] = 0.05
     torque_noise_nm: Annotated[float, _Noise] = 0.003
-    force_bias_n: Annotated[tuple[float, float, float], _Bias] = (0.0, 0.0, 0.0)
-    torque_bias_nm: Annotated[tuple[float, float, float], _Bias] = (0.0, 0.0, 0.0)
+    force_bias_n: Annotated[tuple[_Error, _Error, _Error], _Bias] = (0.0, 0.0, 0.0)
+    torque_bias_nm: Annotated[tuple[_Error, _Error, _Error], _Bias] = (0.0, 0.0, 0.0)
     force_range_n: Annotated[float, _Range] = 65.0
     torque_range_nm: Annotated[float, _Range] = 5.0
     force_resolution_n: Annotated[float, _Count] = 0.05
     torque_resolution_nm: Annotated[float, _Count] = 0.003
     latency_ms: Annotated[float, said("sensor latency (serial record) [ms]", ge=0, le=1000)] = 0.0
     lever_arm_m: Annotated[
-        float, said("sensor to grip centre as the controller believes it [m]", ge=0)
+        float, said("sensor to grip centre as the controller believes it [m]", ge=0, le=1)
     ] = 0.12
 
     def __post_init__(self) -> None:

@@ -16,8 +16,10 @@ SENSOR_AXES = ("force x", "force y", "force z", "moment x", "moment y", "moment 
 class GuardConfig(Config):
     """Limits of the robots' own protective stop; the defaults are assumed."""
 
-    following_error_rad: Annotated[float, said("joint against its reference", gt=0)] = 0.02
-    torque_cycles: Annotated[int, said("cycles in a row at the torque limit", ge=1)] = 3
+    following_error_rad: Annotated[float, said("joint against its reference", gt=0, le=10)] = 0.02
+    torque_cycles: Annotated[
+        int, said("cycles in a row at the torque limit", ge=1, le=1_000_000)
+    ] = 3
     speed_fraction: Annotated[float, said("of the published joint speeds", gt=0, le=1)] = 1.0
     sensor_cycles: (
         Annotated[int, said("cycles in a row at a sensor's range end; none: no limit", ge=1)] | None

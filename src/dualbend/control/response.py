@@ -23,8 +23,10 @@ class CommandResponseConfig(Config):
     The defaults are the limits that the paper quotes for the PUMA 560: 2 Hz, 2ξω_n = 25 rad/s.
     """
 
-    natural_frequency_hz: Annotated[float, said("undamped natural frequency [Hz]", gt=0)] = 2.0
-    damping_ratio: Annotated[float, said("ξ, 1 is critical [-]", gt=0)] = 0.995
+    natural_frequency_hz: Annotated[
+        float, said("undamped natural frequency [Hz]", gt=0, le=1e3)
+    ] = 2.0
+    damping_ratio: Annotated[float, said("ξ, 1 is critical [-]", gt=0, le=100)] = 0.995
 
 
 class CommandReference(msgspec.Struct, frozen=True, kw_only=True):

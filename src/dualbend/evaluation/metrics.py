@@ -109,5 +109,13 @@ def finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+COMMON_METRICS = (
+    "ik_residual_max",
+    "ik_rotation_residual_max",
+    "saturated_cycles",
+    "simulated_time",
+)
+"""Metrics that a run of any task has, but for those of the machine."""
+
 WALL_CLOCK = frozenset({"wall_time", "realtime_factor"})
 """Metrics of the machine, not of the run: never in a baseline."""

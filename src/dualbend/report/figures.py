@@ -7,18 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-
-mpl.use("Agg")
-
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path as Outline
 
 from dualbend.errors import writing
 from dualbend.files import whole_file
+from dualbend.report.canvas import Axes, Figure, Outline, PathPatch, mpl, own_style
 from dualbend.report.moment import is_bending, knots_of, moment_plot, recorded_moments
 from dualbend.report.plot import COLOURS, LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot
 from dualbend.report.sections.tables import ended
@@ -45,10 +38,7 @@ def save(
     option: str = "",
     **options: Any,  # noqa: ANN401 - matplotlib's own
 ) -> None:
-    """Write a picture; InputError, which names the ``option`` that gave the path, where that fails.
-
-    A figure that is made without pyplot needs no display and no choice of a backend.
-    """
+    """Write a picture; InputError, which names the path's ``option``, where that fails."""
     with writing(path, option, also=ValueError), whole_file(path) as part:
         figure.savefig(part, dpi=_DPI, **options)
 
@@ -98,6 +88,7 @@ def _picture(shown: Plot) -> tuple[Figure, Axes]:
     return figure, axes
 
 
+@own_style()
 def plot_moment(run: RunRecord, path: Path) -> None:
     """Write the moment at the sensing gripper, raw, filtered and true, as PNG."""
     curves = recorded_moments(run, is_bending(run))
@@ -118,6 +109,7 @@ def plot_moment(run: RunRecord, path: Path) -> None:
     save(figure, path, metadata={"Description": str(run.identity or "")})
 
 
+@own_style()
 def plot_compared_moments(
     runs: tuple[RunRecord, RunRecord], labels: tuple[str, str], path: Path
 ) -> None:
@@ -147,6 +139,7 @@ def _filtered_and_true(
     )
 
 
+@own_style()
 def plot_stability_map(panels: Sequence[Panel], title: str, path: Path) -> None:
     """Write the boundaries in (b, k) at a few bending angles, with the scenario's gains, as PNG.
 

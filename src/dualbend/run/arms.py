@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from dualbend.arm.model import Placement, arm_model
+from dualbend.arm.model import ArmModel, Placement, arm_model
 from dualbend.arm.pair import ArmPair, PlacedArm
 from dualbend.arm.placement import find_placement
 from dualbend.errors import InputError, refusing
@@ -39,6 +39,10 @@ def arm_pair(scenario: Scenario, targets: Mapping[Side, Vector] | None = None) -
 
 def _placed(scenario: Scenario, side: Side, targets: Mapping[Side, Vector] | None) -> PlacedArm:
     model, given = arm_model(scenario.robot.of(side)), _by_hand(scenario, side)
+    if "home_rad" in given:
+        own = getattr(scenario.cell, side)
+        mine = own is not None and own.home_rad is not None
+        _refuse_home(model, given["home_rad"], f"cell.{side}.home_rad" if mine else "cell.home_rad")
     if model.placement is not None:
         given = {**vars(model.placement), **given}
     if len(given) == len(_KEYS):
@@ -46,6 +50,23 @@ def _placed(scenario: Scenario, side: Side, targets: Mapping[Side, Vector] | Non
     with refusing(f"scenario {scenario.name!r}, {side} arm"):
         wanted = path_targets(scenario) if targets is None else targets[side]
         return PlacedArm(model=model, placement=find_placement(model.name, wanted, given))
+
+
+def _refuse_home(model: ArmModel, home_rad: tuple[float, ...], key: str) -> None:
+    """Raise InputError where a joint of the home pose is outside its range."""
+    home, (low, high) = np.array(home_rad), np.transpose(model.range_rad)
+    outside = np.flatnonzero((home < low) | (home > high))
+    if len(outside) == 0:
+        return
+    i = int(outside[0])
+    turned = np.radians(home)
+    hint = ""
+    if np.any(np.abs(home) > 2.0 * np.pi) or np.all((low <= turned) & (turned <= high)):
+        hint = f"; if these are degrees: {key} = {np.round(turned, 4).tolist()}"
+    raise InputError(
+        f"{key}[{i}] = {home[i]:g}: {model.joint_names[i]} of {model.name!r} goes from "
+        f"{low[i]:.4g} to {high[i]:.4g} rad{hint}"
+    )
 
 
 def path_targets(scenario: Scenario) -> Vector:

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.controller import Command, ControlledPath, Controller
+from dualbend.control.controller import Command, ControlledPath, Controller, ControllerFailed
 from dualbend.control.controller import Observation as Observed
 from dualbend.control.filters import LowPass
 from dualbend.control.force_torque import (
@@ -22,7 +22,7 @@ from dualbend.control.force_torque import (
 )
 from dualbend.control.guard import Guard, ProtectiveStop, SensorGuard
 from dualbend.control.wrist import WristSensors
-from dualbend.errors import InputError
+from dualbend.errors import InputError, shortened
 from dualbend.run.cell import RobotCell
 from dualbend.run.identity import RunIdentity
 from dualbend.run.known_sheet import make_compliance
@@ -78,7 +78,7 @@ class Run:
 
         Raises
         ------
-        ProtectiveStop, TaskStopped, SimulationFailed
+        ProtectiveStop, TaskStopped, SimulationFailed, ControllerFailed
             What ends a run before its motion does.
         """
         raise NotImplementedError
@@ -131,7 +131,7 @@ class Run:
             outcome, reason = "protective_stop", str(stop)
         except TaskStopped as stop:
             outcome, reason = "aborted", str(stop)
-        except SimulationFailed as failure:
+        except (SimulationFailed, ControllerFailed) as failure:
             outcome, reason = "failed", str(failure)
         except KeyboardInterrupt as interrupt:
             ended_by = getattr(interrupt, "signal", signal.SIGINT)
@@ -193,7 +193,12 @@ class Run:
             measured=PlanarPose(seen.grip.take(PLANAR, axis=1)),
             nominal=nominal,
         )
-        return observed, self.path.command(observed)
+        try:
+            return observed, self.path.command(observed)
+        except ControllerFailed as error:
+            name, cycle = _name_of(self.compliance), self.trace.rows
+            said = shortened(f"controller {name}, cycle {cycle}: {error}")
+            raise ControllerFailed(said) from error
 
     def send(
         self, targets: Targets, reading: WrenchReading, observation: Observed, command: Command

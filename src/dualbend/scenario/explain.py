@@ -11,7 +11,8 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import inspect as mi
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, brief, shortened
+from dualbend.scenario.keys import bounds_of, kind_of, unit_of
 from dualbend.scenario.structs import (
     KIND,
     Kinds,
@@ -50,7 +51,8 @@ def refuse_renamed(key: str, source: str) -> None:
     """Refuse a key of version 0.1, naming the new one."""
     for old, new in _RENAMED.items():
         if key == old or key.startswith(f"{old}."):
-            raise InputError(f"{source}: {key} is now {new}{key.removeprefix(old)}")
+            renamed = f"{key} is now {new}{key.removeprefix(old)}"
+            raise InputError(f"{source}: {shortened(renamed)}")
 
 
 def nearest(word: str, words: Iterable[str], most: int = 2) -> str:
@@ -71,14 +73,22 @@ def refuse_absurd(value: object, source: str, keys: tuple[str, ...]) -> None:
     elif isinstance(value, list | tuple):
         for item in value:
             refuse_absurd(item, source, keys)
+    elif isinstance(value, str):
+        if any("\ud800" <= character <= "\udfff" for character in value):
+            raise InputError(f"{source}: {_dotted(keys)} = {brief(value)}: is no text in UTF-8")
     elif isinstance(value, int | float) and keys != ("seed",):
         if isinstance(value, float) and not math.isfinite(value):
-            raise InputError(f"{source}: {'.'.join(keys)} = {value}: must be a finite number")
+            raise InputError(f"{source}: {_dotted(keys)} = {value}: must be a finite number")
         if value and not _SMALLEST <= abs(value) <= _LARGEST:
             raise InputError(
-                f"{source}: {'.'.join(keys)} = {value}: must be 0 or between {_SMALLEST:g} and "
-                f"{_LARGEST:g} in size"
+                f"{source}: {_dotted(keys)} = {brief(value)}: must be 0 or between "
+                f"{_SMALLEST:g} and {_LARGEST:g} in size"
             )
+
+
+def _dotted(keys: Iterable[str]) -> str:
+    """Return the name of a key, short also where it is none."""
+    return shortened(".".join(keys), 120)
 
 
 def refuse_unknown(data: object, kinds: Kinds, source: str, keys: tuple[str, ...]) -> None:
@@ -93,9 +103,9 @@ def refuse_unknown(data: object, kinds: Kinds, source: str, keys: tuple[str, ...
     if not kinds or not isinstance(data, dict):
         return
     if tagged and KIND in data and data[KIND] not in list(kinds):
-        hint = nearest(repr(data[KIND]), map(repr, kinds), most=1).rstrip()
+        hint = nearest(brief(data[KIND]), map(repr, kinds), most=1).rstrip()
         raise InputError(
-            f"{source}: {'.'.join((*keys, KIND))} = {data[KIND]!r}: must be one of "
+            f"{source}: {_dotted((*keys, KIND))} = {brief(data[KIND])}: must be one of "
             f"{_listed(kinds)}{'; ' if hint else ''}{hint}"
         )
     fields = fields_in(kinds, data)
@@ -105,9 +115,9 @@ def refuse_unknown(data: object, kinds: Kinds, source: str, keys: tuple[str, ...
             refuse_unknown(value, fields[key].kinds, source, where)
         elif not (tagged and key == KIND):
             refuse_renamed(_first_leaf(where, value), source)
-            shown = "{...}" if isinstance(value, dict) else repr(value)
+            shown = "{...}" if isinstance(value, dict) else brief(value)
             right = _what_is_right(key, data, kinds, keys)
-            raise InputError(f"{source}: {'.'.join(where)} = {shown}: {right}")
+            raise InputError(f"{source}: {_dotted(where)} = {shown}: {right}")
 
 
 def _first_leaf(keys: tuple[str, ...], value: object) -> str:
@@ -134,17 +144,33 @@ def explain(data: Mapping[str, Any], message: str, struct: Struct) -> str:
     keys, text = match.group(1), message[: match.start()]
     value: Any = data
     kinds: Kinds = {"": struct}
-    choices: list[object] = []
+    wanted: mi.Type | None = None
+    unit = ""
     for part in re.findall(r"[^.\[\]]+", keys):
         field = fields_in(kinds, value).get(part)
         if field:
-            kinds, choices = field.kinds, _choices(field.type)
+            kinds, wanted, unit = field.kinds, field.type, unit_of(field.name)
+        elif isinstance(wanted, mi.VarTupleType | mi.TupleType):
+            items = wanted.item_types if isinstance(wanted, mi.TupleType) else (wanted.item_type,)
+            wanted = plain(items[0])[0]
         if isinstance(value, dict):
             value = value.get(part)
         elif isinstance(value, list | tuple) and part.isdigit() and int(part) < len(value):
             value = value[int(part)]
+    shown = "" if isinstance(value, dict) or value is None else f" = {brief(value)}"
+    return f"{keys}{shown}: {_right(text, value, kinds, wanted, unit)}"
+
+
+def _right(
+    text: str,
+    value: Any,  # noqa: ANN401 - as a file has it
+    kinds: Kinds,
+    wanted: mi.Type | None,
+    unit: str,
+) -> str:
+    """Return what would be right, in the words of a scenario where msgspec's text is not."""
     if text.startswith("Invalid enum value"):
-        text = f"must be one of {_listed(choices)}"
+        text = f"must be one of {_listed(_choices(wanted))}"
     elif "matching regex" in text:
         text = "must begin with a letter or digit and hold only letters, digits and . _ + -"
     elif kinds and text.startswith(("Expected `object", "Expected `AnyTask")):
@@ -154,16 +180,27 @@ def explain(data: Mapping[str, Any], message: str, struct: Struct) -> str:
             text = f"this section is always there: leave it out, or give its keys: {below}"
         elif has_kinds(kinds):
             text = f"must be a section, or the name of its kind: {_listed(kinds)}"
+    elif text.startswith(("Expected `", "Integer value out")) and wanted is not None:
+        text = f"must be {_in_words(wanted, unit, value)}"
     elif "missing required field" in text and has_kinds(kinds):
         text = f'{text}, as kind = "{value[KIND]}" needs; the kinds are {_listed(kinds)}'
-    shown = "" if isinstance(value, dict) or value is None else f" = {value!r}"
-    return f"{keys}{shown}: {text}"
+    return text
 
 
-def _choices(info: mi.Type) -> list[object]:
-    """Return the words that a type allows, also inside a list."""
-    if isinstance(info, mi.VarTupleType):
-        return _choices(plain(info.item_type)[0])
+def _in_words(wanted: mi.Type, unit: str, value: object) -> str:
+    """Say what a value must be, of which kind, within which bounds, in which unit."""
+    kind, bounds = kind_of(wanted), bounds_of(wanted)
+    article = "a " if kind.startswith(("number", "whole", "text", "list")) else ""
+    numbers = isinstance(wanted, mi.IntType | mi.FloatType) and bounds
+    said = f"{article}{kind}{' ' if numbers else ', ' if bounds else ''}{bounds}"
+    said += f" [{unit}]" if unit and unit != "-" else ""
+    if isinstance(wanted, mi.VarTupleType) and value in _choices(plain(wanted.item_type)[0]):
+        said += f', such as ["{value}"]'
+    return said
+
+
+def _choices(info: mi.Type | None) -> list[object]:
+    """Return the words that a type allows."""
     return list(info.values) if isinstance(info, mi.LiteralType) else []
 
 

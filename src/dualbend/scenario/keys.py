@@ -163,10 +163,10 @@ def _key(field: Field, in_section: object) -> Key:
     text, unit = split_unit(field.said.get("description", ""))
     return Key(
         name=field.name,
-        kind=_kind(field.type),
+        kind=kind_of(field.type),
         type=field.annotation,
         unit=unit or unit_of(field.name),
-        bounds=_bounds(field.type),
+        bounds=bounds_of(field.type),
         default=field.default,
         in_section=in_section,
         description=text,
@@ -207,17 +207,18 @@ def unit_of(name: str) -> str:
     return " ".join(unit) + (f"/{_UNITS[below]}" if per and unit else "")
 
 
-def _kind(info: mi.Type) -> str:
+def kind_of(info: mi.Type) -> str:
+    """Return what a value of a type is, in words."""
     if isinstance(info, mi.LiteralType):
         return _words(info.values)
     if isinstance(info, mi.VarTupleType):
         item = plain(info.item_type)[0]
         if isinstance(item, mi.StructType):
             return f"list of {{ {', '.join(f.encode_name for f in item.fields)} }}"
-        inner = _kind(item)
+        inner = kind_of(item)
         return f"list of {inner if isinstance(item, mi.LiteralType) else _plural(inner)}"
     if isinstance(info, mi.TupleType):
-        return f"{len(info.item_types)} {_plural(_kind(plain(info.item_types[0])[0]))}"
+        return f"{len(info.item_types)} {_plural(kind_of(plain(info.item_types[0])[0]))}"
     if isinstance(info, mi.BoolType):
         return "true or false"
     names: dict[type[mi.Type], str] = {
@@ -239,12 +240,13 @@ def _plural(kind: str) -> str:
     return re.sub(r"number\b", "numbers", kind) if kind.endswith("number") else f"({kind})"
 
 
-def _bounds(info: mi.Type) -> str:
+def bounds_of(info: mi.Type) -> str:
+    """Return the bounds that a type has, "" where it has none."""
     if isinstance(info, mi.FloatType | mi.IntType):
         pairs = ((">", info.gt), ("≥", info.ge), ("<", info.lt), ("≤", info.le))
         return ", ".join(f"{sign} {_short(b)}" for sign, b in pairs if b is not None)
     if isinstance(info, mi.TupleType):
-        each = _bounds(plain(info.item_types[0])[0])
+        each = bounds_of(plain(info.item_types[0])[0])
         return f"each {each}" if each else ""
     if isinstance(info, mi.VarTupleType | mi.StrType):
         what = "characters" if isinstance(info, mi.StrType) else "entries"

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 import msgspec
 
-from dualbend.errors import InputError, refusing
+from dualbend.errors import InputError, brief, refusing, shortened
 from dualbend.resources import scenarios_dir
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_absurd, refuse_unknown
 from dualbend.scenario.scenario import Scenario
@@ -20,6 +20,9 @@ Settings: TypeAlias = Sequence[str] | Mapping[str, Any]
 """Texts ``path.to.key=value``, or the tables of a scenario as a dictionary."""
 
 _SCENARIO: Kinds = {"": Scenario}
+
+_LARGEST_FILE, _DEEPEST, _LONGEST_CHAIN = 10**7, 20, 20
+"""Bytes of a file, tables in one another, and files that extend one another: more is a mistake."""
 
 
 def list_scenarios() -> dict[str, Path]:
@@ -57,7 +60,7 @@ def resolve_scenario(
     given: list[tuple[str, Mapping[str, Any]]] = (
         [("settings", _tables_of(settings))]
         if isinstance(settings, Mapping)
-        else [(f"--set {text}", _table_of(text)) for text in settings]
+        else [(f"--set {shortened(text, 80)}", _table_of(text)) for text in settings]
     )
     parts = [(said, *_split(table, _SCENARIO)) for said, table in given]
     # What replaces other keys (a new kind, material or arm) comes first, the others stay, in the
@@ -73,11 +76,31 @@ def resolve_scenario(
     return converted(data, Scenario, source)
 
 
+def read_toml(path: Path, said: str = "cannot be read") -> dict[str, Any]:
+    """Return the tables of a TOML file; an InputError begins with its path and what is ``said``."""
+    with refusing(f"{path}: {said}", OSError, UnicodeDecodeError):
+        if path.exists() and not path.is_file():
+            what = "a folder" if path.is_dir() else "a pipe or a device"
+            raise InputError(f"{path}: is {what}, no file")
+        if path.stat().st_size > _LARGEST_FILE:
+            raise InputError(f"{path}: has more than {_LARGEST_FILE:.0e} bytes")
+        # Windows' editors begin a file with a byte order mark.
+        text = path.read_text(encoding="utf-8-sig")
+    return parse_toml(text, path.name)
+
+
 def parse_toml(text: str, source: str) -> dict[str, Any]:
     """Return the tables of a TOML text; InputError with ``source`` where it is none."""
     # Thousands of digits or brackets are refused, too.
     with refusing(f"{source}: no valid TOML", ValueError, RecursionError):
-        return tomllib.loads(text)
+        tables = tomllib.loads(text)
+    level: list[Any] = [tables]
+    for _ in range(_DEEPEST):
+        inside = (each.values() if isinstance(each, dict) else each for each in level)
+        level = [item for items in inside for item in items if isinstance(item, dict | list)]
+    if level:
+        raise InputError(f"{source}: tables and lists are nested more than {_DEEPEST} deep")
+    return tables
 
 
 def parse_scenario(text: str, source: str) -> Scenario:
@@ -88,43 +111,44 @@ def parse_scenario(text: str, source: str) -> Scenario:
 def _find(name_or_file: str) -> Path:
     path = Path(name_or_file)
     # A name may be too long, or have a NUL.
-    with refusing(f"{name_or_file!r}: no such file", OSError, ValueError):
-        is_file = path.is_file()
-    if path.suffix == ".toml" or is_file:
-        if not is_file:
-            raise InputError(f"{name_or_file}: no such file")
-        return path
+    with refusing(f"{brief(name_or_file)}: no such file", OSError, ValueError):
+        exists, is_file = path.exists(), path.is_file()
     shipped = list_scenarios()
-    if name_or_file not in shipped:
+    if name_or_file in shipped and not is_file:
+        return shipped[name_or_file]
+    if path.suffix == ".toml" and not exists:
+        raise InputError(f"{name_or_file}: no such file")
+    if not exists or not name_or_file:
         raise InputError(
-            f"scenario {name_or_file!r}: {nearest(repr(name_or_file), map(repr, shipped), 1)}"
+            f"scenario {brief(name_or_file)}: "
+            f"{nearest(repr(name_or_file), map(repr, shipped), 1)}"
             f"shipped are {', '.join(shipped)}; or give the path of a .toml file"
         )
-    return shipped[name_or_file]
+    return path
 
 
 def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     """Return the file's table merged over the one it extends."""
-    with refusing(f"{path}: cannot be read", OSError, UnicodeDecodeError):
-        text = path.read_text(encoding="utf-8")
-    data = parse_toml(text, path.name)
+    data = read_toml(path)
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
     refuse_absurd(data, path.name, ())
     refuse_unknown(data, _SCENARIO, path.name, ())
     if base is None:
         return data
+    said = f"{path.name}: extends = {brief(base)}"
     if not isinstance(base, str):
-        raise InputError(f"{path.name}: extends = {base!r}: needs a scenario's name or file")
+        raise InputError(f"{said}: needs a scenario's name or file")
     if "\0" in base:
-        raise InputError(f"{path.name}: extends = {base!r}: no file's name")
-    with refusing(f"{path.name}: extends = {base!r}"):
+        raise InputError(f"{said}: no file's name")
+    with refusing(said, InputError, OSError, RuntimeError):  # a link to itself
         base_path = path.parent / base if base.endswith(".toml") else _find(base)
-    if base_path.resolve() in seen or base_path.resolve() == path.resolve():
-        raise InputError(
-            f"{path.name}: extends = {base!r}: the files extend each other in a circle"
-        )
-    parent = _read(base_path, (*seen, path.resolve()))
+        here = path.resolve()
+        if base_path.resolve() in (*seen, here):
+            raise InputError("the files extend each other in a circle")
+        if len(seen) == _LONGEST_CHAIN:
+            raise InputError(f"more than {_LONGEST_CHAIN} files extend one another")
+    parent = _read(base_path, (*seen, here))
     parent.pop("description", None)
     return _laid_over(parent, data)
 
@@ -183,7 +207,10 @@ def _split(table: Mapping[str, Any], kinds: Kinds) -> tuple[dict[str, Any], dict
 
 def _tables_of(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return tables with plain numbers and lists, also of NumPy's and of sections' structs."""
-    with refusing("settings: need numbers, texts, lists and tables", TypeError, AttributeError):
+    with refusing(
+        "settings: need numbers, texts, lists and tables",
+        *(TypeError, AttributeError, RecursionError),
+    ):
         tables: dict[str, Any] = msgspec.to_builtins(
             settings, str_keys=True, enc_hook=lambda value: value.tolist()
         )
@@ -196,12 +223,13 @@ def _table_of(setting: str) -> dict[str, Any]:
     names = name.strip().split(".")
     if not equals or not all(names) or len(names) > 10:
         raise InputError(
-            f"--set {setting}: needs path.to.key=value, e.g. robot.alter.delay_cycles=2"
+            f"--set {shortened(setting, 80)}: needs path.to.key=value, "
+            "e.g. robot.alter.delay_cycles=2"
         )
     value: Any
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):
+        (value,) = parse_toml(f"value = {text}", name).values()
+    except ValueError:  # no TOML, or several lines of it
         value = _number_or_text(text.strip())
     for name in reversed(names):
         value = {name: value}
@@ -221,5 +249,5 @@ def _refuse_values_as_sections(data: object, table: Mapping[str, Any], said: str
     for name, value in table.items():
         if isinstance(value, dict) and isinstance(data, dict) and name in data:
             if not isinstance(data[name], dict):
-                raise InputError(f"{said}: {name!r} is a value, not a section")
+                raise InputError(f"{said}: {brief(name)} is a value, not a section")
             _refuse_values_as_sections(data[name], value, said)

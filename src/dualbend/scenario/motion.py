@@ -25,12 +25,15 @@ class MotionConfig(Config):
 
     speed_rad_per_s: Annotated[float, said("of the bending angle", gt=0, le=5)] = 0.1
     acceleration_rad_per_s2: (
-        Annotated[float, said("of a trapezoidal speed; none: constant", gt=0)] | None
+        Annotated[float, said("of a trapezoidal speed; none: constant", gt=0, le=1e3)] | None
     ) = None
     settle_s: Annotated[float, said("the arms hold the start before they bend", ge=0, le=600)] = 1.0
     hold_s: Annotated[float, said("the arms hold the end after they bent", ge=0, le=600)] = 1.0
     return_rad: (
-        Annotated[float, said("bending angle to which they then go back; none: they do not", ge=0)]
+        Annotated[
+            float,
+            said("bending angle to which they then go back; none: they do not", ge=0, le=3.15),
+        ]
         | None
     ) = None
 

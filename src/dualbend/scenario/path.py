@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, TypeAlias
 
+import msgspec
+
 from dualbend.beam.elastica import END_SLOPE_GRIPPERS_MEET
 from dualbend.beam.path import (
     ApproximatePath,
@@ -15,12 +17,14 @@ from dualbend.beam.path import (
 from dualbend.errors import InputError
 from dualbend.types import Tagged, said
 
+_Number = Annotated[float, msgspec.Meta(ge=-10, le=10)]
+
 
 class _Ends(Tagged):
     """From which to which bending angle a path goes."""
 
-    start_rad: Annotated[float, said("bending angle at the start", ge=0)] = 0.0
-    end_rad: Annotated[float, said("bending angle at the end", gt=0)] = 1.0
+    start_rad: Annotated[float, said("bending angle at the start", ge=0, le=3.15)] = 0.0
+    end_rad: Annotated[float, said("bending angle at the end", gt=0, le=3.15)] = 1.0
 
     def __post_init__(self) -> None:
         """Refuse angles at which the grippers meet."""
@@ -47,7 +51,7 @@ class _Ends(Tagged):
 class PiecewisePathConfig(_Ends, tag="piecewise"):
     """Straight pieces between poses without end moment, each of one length but for the last."""
 
-    interval_rad: Annotated[float, said("length of a linear piece", ge=1e-4)]
+    interval_rad: Annotated[float, said("length of a linear piece", ge=1e-4, le=3.15)]
 
     def _of(self, length_m: float) -> BendingPath:
         return PiecewiseLinearPath.from_interval(
@@ -84,11 +88,12 @@ class TablePathConfig(_Ends, tag="table"):
     """Your own grip poses."""
 
     table: Annotated[
-        tuple[tuple[float, float, float], ...],
+        tuple[tuple[_Number, _Number, _Number], ...],
         said(
             "rows of bending angle in rad, half distance of the grips and their "
             "rise above the sheet's middle in m",
             min_length=2,
+            max_length=10_000,
             examples=[[[0.0, 0.2, 0.0], [1.0, 0.167, 0.0926]]],
         ),
     ]

@@ -45,8 +45,8 @@ class Scenario(Config):
             pattern=r"^[A-Za-z0-9][\w.+-]*\Z",
         ),
     ]
-    description: Annotated[str, said("what the scenario shows, in one line")] = ""
-    seed: Annotated[int, said("of the sensor's noise", ge=0)] = 1
+    description: Annotated[str, said("what the scenario shows, in one line", max_length=1000)] = ""
+    seed: Annotated[int, said("of the sensor's noise", ge=0, le=10**12)] = 1
     sheet: SheetConfig
     path: PathConfig
     motion: MotionConfig = MotionConfig()

@@ -133,6 +133,6 @@ class PhysicsConfig(Config):
 class ExpectConfig(Config):
     """Outcomes that are no failure of the command: exit code 0."""
 
-    outcome: Annotated[tuple[Outcome, ...], said("how the run may end", min_length=1)] = (
-        "completed",
-    )
+    outcome: Annotated[
+        tuple[Outcome, ...], said("how the run may end", min_length=1, max_length=4)
+    ] = ("completed",)

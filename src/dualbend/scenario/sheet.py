@@ -10,7 +10,7 @@ from dualbend.beam.laminate import Laminate, Layer
 from dualbend.beam.material import Material, find_material
 from dualbend.beam.rigidity import Rigidity
 from dualbend.beam.sheet import Anisotropy, Sheet
-from dualbend.errors import InputError, refusing
+from dualbend.errors import InputError, brief, refusing
 from dualbend.scene.sheet.shell import ShellConfig
 from dualbend.scene.sheet.strips import StripConfig
 from dualbend.types import Config, said
@@ -145,14 +145,14 @@ def _plasticity(whole: Laminate) -> plastic.Plasticity:
 
 
 def _named(name: str, key: str) -> Material:
-    with refusing(f"{key} = {name!r}"):
+    with refusing(f"{key} = {brief(name)}"):
         return find_material(name)
 
 
 class LayerConfig(Config):
     """One layer of a laminate, from the sheet's lower face to its upper one."""
 
-    material: Annotated[str, said("from `dualbend materials`")]
+    material: Annotated[str, said("from `dualbend materials`", max_length=100)]
     thickness_m: Annotated[float, said("of this layer", ge=1e-6, le=0.01)]
 
 
@@ -181,6 +181,7 @@ class SheetConfig(Config):
             str,
             said(
                 "from `dualbend materials`; gives what is none below",
+                max_length=100,
                 extra={"replaces": ("layers", *NUMBERS)},
             ),
         ]
@@ -203,8 +204,12 @@ class SheetConfig(Config):
         Annotated[float, said("enters the twist and a plate's rigidity", ge=0, lt=0.5)] | None
     ) = None
     density_kg_per_m3: Annotated[float, said("mass density", ge=100, le=25000)] | None = None
-    yield_pa: Annotated[float, said("0.2 % yield strength; none: not known", gt=0)] | None = None
-    tangent_pa: Annotated[float, said("slope of the stress beyond yield", ge=0)] | None = None
+    yield_pa: (
+        Annotated[float, said("0.2 % yield strength; none: not known", gt=0, le=1e11)] | None
+    ) = None
+    tangent_pa: Annotated[float, said("slope of the stress beyond yield", ge=0, le=1e12)] | None = (
+        None
+    )
     rigidity: Annotated[
         Rigidity,
         said("bends as a beam (EI), as a plate (EI / (1 - nu²)), or between them by its width"),
@@ -212,7 +217,11 @@ class SheetConfig(Config):
     curvature_per_m: (
         Annotated[
             float,
-            said('at which rigidity = "width" is taken; none: largest of the path [1/m]', ge=0),
+            said(
+                'at which rigidity = "width" is taken; none: largest of the path [1/m]',
+                ge=0,
+                le=1e3,
+            ),
         ]
         | None
     ) = None

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from dualbend.errors import InputError, writing
+from dualbend.errors import InputError, brief, writing
 from dualbend.scenario.keys import REQUIRED, Key, Section, sections
 from dualbend.scenario.load import list_scenarios, load_scenario
 from dualbend.scenario.scenario import Scenario
@@ -43,8 +43,8 @@ def write_scenario(name: str, base: str = DEFAULT_BASE, folder: Path | None = No
     name = name.removesuffix(".toml")
     if not _NAME.fullmatch(name):
         raise InputError(
-            f"NAME = {name!r}: must begin with a letter or digit and hold only letters, digits "
-            "and . _ + -, at most 100"
+            f"NAME = {brief(name)}: must begin with a letter or digit and hold only letters, "
+            "digits and . _ + -, at most 100"
         )
     if name in list_scenarios():
         raise InputError(f"NAME = {name}: a shipped scenario has this name; take another")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import msgspec
 import mujoco
 import numpy as np
 
@@ -51,11 +52,12 @@ class PlacementConfig(Config):
     ) = None
     home_rad: (
         Annotated[
-            tuple[float, ...],
+            tuple[Annotated[float, msgspec.Meta(ge=-1e3, le=1e3)], ...],
             said(
                 "joint angles near the start: the branch of solutions, and the posture "
                 "that a redundant arm keeps",
                 min_length=6,
+                max_length=20,
             ),
         ]
         | None
@@ -83,10 +85,10 @@ class GraspConfig(Config):
     """
 
     translational_stiffness_n_per_m: Annotated[
-        float, said("of the pads along x, y and z", gt=0)
+        float, said("of the pads along x, y and z", ge=1, le=1e10)
     ] = 0.96e6
     rotational_stiffness_n_m_per_rad: Annotated[
-        float, said("of the pads about x, y and z", gt=0)
+        float, said("of the pads about x, y and z", ge=1e-3, le=1e8)
     ] = 267.0
     loss_time_s: Annotated[float, said("damping over stiffness; rubber", ge=0, le=0.1)] = 1.6e-3
 

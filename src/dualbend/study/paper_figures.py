@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
-
+from dualbend.report.canvas import Figure, mpl, own_style
 from dualbend.report.figures import ANGLE, draw, save
 from dualbend.report.moment import knots_of, moment_curves, moment_plot
 from dualbend.report.page import PAPER_FIGURES, write_report
@@ -70,6 +68,7 @@ def _run(name: str, settings: Sequence[str], folder: Path) -> str:
     return name
 
 
+@own_style()
 def write_pictures(runs: Sequence[RunRecord], out: Path) -> None:
     """Write each run's figure and all beside each other, on one scale, as PNG and SVG.
 

@@ -32,15 +32,15 @@ class AxisConfig(Config):
     says in which units b and k are.
     """
 
-    b: Annotated[float, said("damping [N s/mm, N m s/deg; or SI]", gt=0)]
-    k: Annotated[float, said("stiffness [N/mm, N m/deg; or SI]", gt=0)]
+    b: Annotated[float, said("damping [N s/mm, N m s/deg; or SI]", gt=0, le=1e9)]
+    k: Annotated[float, said("stiffness [N/mm, N m/deg; or SI]", gt=0, le=1e9)]
     form: Annotated[
         AdmittanceForm,
         said("(15) as printed, with the missing T, or with the true static stiffness"),
     ] = "printed"
-    from_alpha_rad: Annotated[float, said("bending angle from which the axis acts [rad]", ge=0)] = (
-        0.0
-    )
+    from_alpha_rad: Annotated[
+        float, said("bending angle from which the axis acts [rad]", ge=0, le=3.15)
+    ] = 0.0
 
 
 class _Compliance(Tagged):
@@ -114,8 +114,8 @@ class _TwoAxes(_Compliance):
 
     x: AxisConfig | None = None
     rotation: AxisConfig | None = None
-    limit_x_m: Annotated[float, said("largest |δx| [m]", gt=0)] = 0.02
-    limit_rotation_rad: Annotated[float, said("largest |δα| [rad]", gt=0)] = 0.1
+    limit_x_m: Annotated[float, said("largest |δx| [m]", gt=0, le=1)] = 0.02
+    limit_rotation_rad: Annotated[float, said("largest |δα| [rad]", gt=0, le=3.15)] = 0.1
     tare: Annotated[bool, said("loads count from the first reading after switching on")] = False
 
 

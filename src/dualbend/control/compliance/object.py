@@ -33,14 +33,14 @@ class ObjectComplianceConfig(Config):
     """
 
     gain_margin: Annotated[float, said("of the loop, at every bending angle", gt=1, le=100)] = 4.0
-    deadband_n: Annotated[float, said("force below which nothing moves", ge=0)] = 0.1
-    deadband_nm: Annotated[float, said("the same, moment about z", ge=0)] = 0.02
+    deadband_n: Annotated[float, said("force below which nothing moves", ge=0, le=1e3)] = 0.1
+    deadband_nm: Annotated[float, said("the same, moment about z", ge=0, le=1e3)] = 0.02
     seek_m_per_s: Annotated[float, said("least speed towards a pin, on its tip", ge=0, le=0.01)] = (
         0.5e-3
     )
     seek_rad_per_s: Annotated[float, said("the same, yaw", ge=0, le=0.1)] = 2e-3
-    limit_m: Annotated[float, said("largest |δx|, |δy|", gt=0)] = 5e-3
-    limit_rad: Annotated[float, said("largest turn", gt=0)] = 0.03
+    limit_m: Annotated[float, said("largest |δx|, |δy|", gt=0, le=1)] = 5e-3
+    limit_rad: Annotated[float, said("largest turn", gt=0, le=3.15)] = 0.03
 
 
 class ObjectAdmittance:

@@ -36,7 +36,7 @@ class PredictorConfig(Config):
     lead_x_s: _Lead | None = None
     lead_rotation_s: _Lead | None = None
     lead_until_rad: Annotated[
-        float, said("slope from which there is no lead any more [rad]", gt=0)
+        float, said("slope from which there is no lead any more [rad]", gt=0, le=1e3)
     ] = 1e3
     inertia: Annotated[bool, said("take off what the known tool's inertia makes")] = True
 

@@ -42,8 +42,8 @@ class FusionConfig(Config):
     one, which is soft, the moment.
     """
 
-    force_error_n: Annotated[float, said("σ of the force [N]", gt=0)] = 0.05
-    moment_error_nm: Annotated[float, said("σ of the moment [N m]", gt=0)] = 0.004
+    force_error_n: Annotated[float, said("σ of the force [N]", gt=0, le=1e4)] = 0.05
+    moment_error_nm: Annotated[float, said("σ of the moment [N m]", gt=0, le=1e4)] = 0.004
 
 
 @dataclass(frozen=True, kw_only=True)

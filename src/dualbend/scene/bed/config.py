@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 
 from dualbend.types import Config, Vector, said
@@ -22,6 +23,9 @@ class HolePairConfig(Config):
     across_m: Annotated[float, said("off the centre line", ge=-1.5, le=1.5)] = 0.0
 
 
+_Offset = Annotated[float, msgspec.Meta(ge=-0.05, le=0.05)]
+
+
 class HolesConfig(Config):
     """The sheet's four holes: the middle pair goes over its pins first, then the outer pair."""
 
@@ -29,7 +33,7 @@ class HolesConfig(Config):
     outer: HolePairConfig = HolePairConfig(along_m=0.14)
     clearance_m: Annotated[float, said("hole's diameter less the pin's", gt=0, lt=5e-3)] = 0.2e-3
     errors_m: Annotated[
-        tuple[tuple[float, float], ...],
+        tuple[tuple[_Offset, _Offset], ...],
         said("each hole off its place, along and across", min_length=4, max_length=4),
     ] = ((0.0, 0.0),) * 4
 

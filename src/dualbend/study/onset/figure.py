@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from dualbend.errors import InputError
+from dualbend.report.canvas import Axes, Figure, mpl, own_style
 from dualbend.report.figures import save
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.map import gain_units
@@ -22,6 +20,7 @@ _SHOWN_BELOW, _SHOWN_ABOVE = 8.0, 4.0
 _STYLES = (("sampled", "solid"), ("delayed", "dotted"), ("paper", "dashed"))
 
 
+@own_style()
 def plot_onsets(scenario: Scenario, found: OnsetStudy, path: Path) -> None:
     """Write the (b, k) plane of each axis as PNG; stable is to the right of a line.
 

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from dualbend.report.canvas import Axes, Figure, own_style
 from dualbend.report.figures import save
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.robustness.summary import CONFIDENCE, success_interval
@@ -26,6 +25,7 @@ def misalignment_bins(misalignment_m: NDArray[np.float64]) -> NDArray[np.float64
     return np.asarray(np.quantile(misalignment_m, np.linspace(0.0, 1.0, bins + 1)))
 
 
+@own_style()
 def plot_success(trials: Sequence[Trial], scenario: Scenario, path: Path) -> None:
     """Write the success rate over bins of the misalignment as PNG.
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from dualbend.report.canvas import Axes, Figure, own_style
 from dualbend.report.figures import save
 from dualbend.report.plot import Axis
 from dualbend.study.sweep.design import Design
@@ -26,6 +25,7 @@ def heat_map_file(metric: str) -> str:
     return f"heat_{re.sub(r'[^A-Za-z0-9]+', '_', metric).strip('_')}.png"
 
 
+@own_style()
 def plot_heat_map(sweep: Sweep, design: Design, table: pa.Table, metric: str, path: Path) -> None:
     """Write a metric over a grid of two keys as PNG: the first key to the right, the second up.
 
@@ -65,6 +65,7 @@ def _write_values(axes: Axes, values: np.ndarray) -> None:
             axes.text(i, k, text, color=colour, ha="center", va="center", fontsize="x-small")
 
 
+@own_style()
 def plot_sensitivity(
     sweep: Sweep, design: Design, found: Sequence[Sensitivity], path: Path
 ) -> None:

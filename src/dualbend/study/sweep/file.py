@@ -14,10 +14,10 @@ from typing import Annotated, Any, Literal
 import msgspec
 import tomli_w
 
-from dualbend.errors import InputError, refusing
+from dualbend.errors import InputError, brief, refusing
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_renamed
 from dualbend.scenario.keys import Key
-from dualbend.scenario.load import parse_toml, read_scenario, resolve_scenario
+from dualbend.scenario.load import read_scenario, read_toml, resolve_scenario
 from dualbend.scenario.scenario import Scenario, without_none
 from dualbend.scenario.toml_text import toml
 from dualbend.study.sweep.keys import (
@@ -125,7 +125,7 @@ class Sweep:
 def load_sweep(path: Path) -> Sweep:
     """Load a sweep's file, or the one that a sweep left in its folder."""
     file = path / SWEEP if path.is_dir() else path
-    data = _read(file)
+    data = read_toml(file, "no sweep's file")
     source = file.name
     config = converted(data, SweepConfig, source)
     keys = {name: make_spec(table, source, name) for name, table in _leaves(config.keys, is_spec)}
@@ -143,15 +143,9 @@ def load_sweep(path: Path) -> Sweep:
     return sweep
 
 
-def _read(file: Path) -> dict[str, Any]:
-    with refusing(f"{file}: no sweep's file", OSError, UnicodeDecodeError):
-        text = file.read_text(encoding="utf-8")
-    return parse_toml(text, file.name)
-
-
 def _scenario_tables(scenario: str, file: Path) -> dict[str, Any]:
     """Return the scenario's tables; a file is looked for beside the sweep's."""
-    with refusing(f"{file.name}: scenario = {scenario!r}", ValueError):
+    with refusing(f"{file.name}: scenario = {brief(scenario)}", ValueError):
         named = str(file.parent / scenario) if scenario.endswith(".toml") else scenario
         return read_scenario(named)
 
@@ -219,4 +213,4 @@ def _check_value(where: str, value: object, key: Key) -> None:
     except msgspec.ValidationError as error:
         # Out of its bounds, a value may be refused together with others: that is a run's reason.
         if ", got `" in str(error) or "Invalid enum" in str(error):
-            raise InputError(f"{where}: {value!r} in values: must be {key.kind}") from error
+            raise InputError(f"{where}: {brief(value)} in values: must be {key.kind}") from error

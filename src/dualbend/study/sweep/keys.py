@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from dualbend.errors import InputError
+from dualbend.errors import InputError, brief
 from dualbend.scenario.explain import explain, refuse_unknown
 from dualbend.scenario.keys import Key, sections
 from dualbend.types import Config, Vector
@@ -117,13 +117,13 @@ def make_spec(table: object, source: str, key: str) -> Spec:
     """Return what a table says about a key; InputError names file, key, value, what is right."""
     where = f"keys.{key}"
     if not isinstance(table, dict) or not table:
-        shown = "{}" if isinstance(table, dict) else repr(table)
+        shown = "{}" if isinstance(table, dict) else brief(table)
         raise InputError(f"{source}: {where} = {shown}: needs {RIGHT}")
     kind: type[Spec] = next((kind for word, kind in _KINDS if word in table), Range)
     if table.get("distribution") == "normal":
         kind = Normal
     if kind is Range and not {"min", "max", "steps"} <= table.keys() <= _WORDS:
-        raise InputError(f"{source}: {where} = {table}: needs {RIGHT}")
+        raise InputError(f"{source}: {where} = {brief(table)}: needs {RIGHT}")
     refuse_unknown(table, {"": kind}, source, ("keys", key))
     try:
         return msgspec.convert(table, kind)

@@ -13,11 +13,13 @@ from typing import TypeAlias
 
 import msgspec
 
-from dualbend.errors import InputError
-from dualbend.evaluation.metrics import versions
+from dualbend.errors import InputError, brief
+from dualbend.evaluation.metrics import COMMON_METRICS, versions
 from dualbend.files import write_whole
+from dualbend.registry import TASKS
 from dualbend.run.make import make_run
 from dualbend.run.record import Metric
+from dualbend.scenario.explain import nearest
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.ending import RAISED, REFUSED, Ended, metrics_of, outcome_of, result_of
 from dualbend.study.engine import Place, Study
@@ -72,6 +74,7 @@ def run_sweep(
     where it is interrupted: the runs that were done are in the folder, and the same call goes on.
     """
     _refuse_hopeless(sweep, design)
+    _refuse_unknown_metrics(sweep)
     text, complete = sweep.scenario_toml(), sweep.to_toml()
     study = Study(
         design=range(len(design.rows)),
@@ -115,6 +118,19 @@ def _task(sweep: Sweep, design: Design, index: int) -> tuple[int, Scenario] | Ru
         return index, sweep.resolve(design.settings(index), design.seed(index))
     except InputError as error:
         return _without_result(index, error)
+
+
+def _refuse_unknown_metrics(sweep: Sweep) -> None:
+    """Refuse a metric that no run of the task has; a task of one's own may not say which it has."""
+    kinds = list(TASKS) if {"task", "task.kind"} & set(sweep.keys) else [sweep.resolve().task.kind]
+    own = [TASKS[kind].part("tolerances") for kind in kinds]
+    known = sorted({*COMMON_METRICS, *(name for names in own for name in names)})
+    for name in sweep.config.metrics if all(own) else ():
+        if name.partition("[")[0] not in known:
+            raise InputError(
+                f"{sweep.source}: metrics = {brief(name)}: {nearest(name, known)}"
+                f"there are {', '.join(known)}"
+            )
 
 
 def _refuse_hopeless(sweep: Sweep, design: Design) -> None:

@@ -22,19 +22,21 @@ from dualbend.types import Config, said
 class SpeedsConfig(Config):
     """Highest speed of each kind of motion."""
 
-    travel_m_per_s: Annotated[float, said("of sheet or grippers in free motion", gt=0)] = 0.25
-    contact_m_per_s: Annotated[float, said("down past the tips of the pins", gt=0)] = 0.003
-    seat_m_per_s: Annotated[float, said("down from there to the bed", gt=0)] = 0.010
-    unfold_rad_per_s: Annotated[float, said("of unfolding and turning in free motion", gt=0)] = 0.1
-    contact_rad_per_s: Annotated[float, said("of unfolding onto the pins", gt=0)] = 0.03
-    jaw_m_per_s: Annotated[float, said("of each jaw", gt=0)] = 0.02
+    travel_m_per_s: Annotated[float, said("of sheet or grippers in free motion", gt=0, le=5)] = 0.25
+    contact_m_per_s: Annotated[float, said("down past the tips of the pins", gt=0, le=5)] = 0.003
+    seat_m_per_s: Annotated[float, said("down from there to the bed", gt=0, le=5)] = 0.010
+    unfold_rad_per_s: Annotated[
+        float, said("of unfolding and turning in free motion", gt=0, le=10)
+    ] = 0.1
+    contact_rad_per_s: Annotated[float, said("of unfolding onto the pins", gt=0, le=10)] = 0.03
+    jaw_m_per_s: Annotated[float, said("of each jaw", gt=0, le=5)] = 0.02
 
 
 class SearchConfig(Config):
     """What is done where a hole did not find its pin: up, aside, down again."""
 
     attempts: Annotated[int, said("before the task stops", ge=0, le=50)] = 6
-    step_m: Annotated[float, said("between the places that are tried", gt=0)] = 1.2e-3
+    step_m: Annotated[float, said("between the places that are tried", gt=0, le=0.05)] = 1.2e-3
 
     def places(self) -> list[tuple[float, float]]:
         """Return where to try the middle holes, (x, y) [m], relative to their place.
@@ -62,24 +64,33 @@ DEFAULT_YIELD_PA = 193e6
 class LimitsConfig(Config):
     """What damages the sheet or a pin: beyond it the run fails."""
 
-    pin_force_n: Annotated[float, said("largest force on a pin", gt=0)] = 40.0
-    edge_force_n: Annotated[float, said("largest force of one contact at a hole's edge", gt=0)] = (
-        40.0
-    )
+    pin_force_n: Annotated[float, said("largest force on a pin", gt=0, le=1e5)] = 40.0
+    edge_force_n: Annotated[
+        float, said("largest force of one contact at a hole's edge", gt=0, le=1e5)
+    ] = 40.0
     yield_pa: (
-        Annotated[float, said("0.2 % yield strength; none: the sheet's, or 193 MPa", gt=0)] | None
+        Annotated[float, said("0.2 % yield strength; none: the sheet's, or 193 MPa", gt=0, le=1e11)]
+        | None
     ) = None
 
 
 class ErrorsConfig(Config):
     """What is otherwise than the robots believe; they are not told."""
 
-    pickup_x_m: Annotated[float, said("how far the sheet lies off along x")] = 0.0
-    pickup_y_m: Annotated[float, said("how far the sheet lies off along y")] = 0.0
-    pickup_yaw_rad: Annotated[float, said("how far the sheet lies turned about the vertical")] = 0.0
-    thickness_factor: Annotated[float, said("true thickness over the believed one", gt=0)] = 1.0
-    modulus_factor: Annotated[float, said("true Young's modulus over the believed one", gt=0)] = 1.0
-    friction_factor: Annotated[float, said("true friction over the believed one", ge=0)] = 1.0
+    pickup_x_m: Annotated[float, said("how far the sheet lies off along x", ge=-1, le=1)] = 0.0
+    pickup_y_m: Annotated[float, said("how far the sheet lies off along y", ge=-1, le=1)] = 0.0
+    pickup_yaw_rad: Annotated[
+        float, said("how far the sheet lies turned about the vertical", ge=-3.15, le=3.15)
+    ] = 0.0
+    thickness_factor: Annotated[
+        float, said("true thickness over the believed one", gt=0, le=10)
+    ] = 1.0
+    modulus_factor: Annotated[
+        float, said("true Young's modulus over the believed one", gt=0, le=100)
+    ] = 1.0
+    friction_factor: Annotated[float, said("true friction over the believed one", ge=0, le=10)] = (
+        1.0
+    )
 
 
 class SpreadConfig(Config):
@@ -88,15 +99,17 @@ class SpreadConfig(Config):
     ``hole_m`` is that of each hole along the sheet, and across it.
     """
 
-    pickup_x_m: Annotated[float, said("of where the sheet lies along x", ge=0)] = 0.3e-3
-    pickup_y_m: Annotated[float, said("of where the sheet lies along y", ge=0)] = 0.3e-3
-    pickup_yaw_rad: Annotated[float, said("of its turn about the vertical", ge=0)] = math.radians(
-        0.2
+    pickup_x_m: Annotated[float, said("of where the sheet lies along x", ge=0, le=0.1)] = 0.3e-3
+    pickup_y_m: Annotated[float, said("of where the sheet lies along y", ge=0, le=0.1)] = 0.3e-3
+    pickup_yaw_rad: Annotated[float, said("of its turn about the vertical", ge=0, le=1)] = (
+        math.radians(0.2)
     )
-    hole_m: Annotated[float, said("of each hole's place, along and across", ge=0)] = 0.01e-3
-    thickness: Annotated[float, said("of true over believed thickness", ge=0)] = 0.02
-    modulus: Annotated[float, said("of true over believed Young's modulus", ge=0)] = 0.02
-    friction: Annotated[float, said("of true over believed friction", ge=0)] = 0.2
+    hole_m: Annotated[float, said("of each hole's place, along and across", ge=0, le=0.01)] = (
+        0.01e-3
+    )
+    thickness: Annotated[float, said("of true over believed thickness", ge=0, le=1)] = 0.02
+    modulus: Annotated[float, said("of true over believed Young's modulus", ge=0, le=1)] = 0.02
+    friction: Annotated[float, said("of true over believed friction", ge=0, le=1)] = 0.2
 
 
 class AssemblyConfig(TaskConfig, tag="assembly"):
