@@ -154,7 +154,7 @@ def test_what_the_caller_ignores_stays_ignored(tmp_path: Path) -> None:
         ("render exact --out x.gif --speed nan", "nan must be a finite number"),
         ("beam --length nan --width 1 --thickness 1 --young 1 --alpha 1", "finite number"),
         ("stability fig8 --map m.png --map-b nan 1", "finite number"),
-        ("tune fig8 --gain-margin inf", "inf must be a finite number"),
+        ("tune fig8 --gain-margin inf", "inf is not in the range"),
         ("run exact --out ''", "is empty; give a path"),
         ("report r --out ''", "is empty; give a path"),
         ("figures --out ''", "is empty; give a path"),

@@ -300,7 +300,7 @@ def test_an_unreachable_cell_is_refused_before_the_run() -> None:
 
 
 def test_a_deviation_out_of_reach_stops_the_robots() -> None:
-    soft = ("compliance.x={b=0.001,k=0.001}", "compliance.limit_x_m=5", *QUIET)
+    soft = ("compliance.x={b=0.001,k=0.001}", "compliance.limit_x_m=1", *QUIET)
     result = run(*soft, "robot.alter.delay_cycles=0")
     assert result.outcome == "protective_stop"
     assert "out of reach" in result.reason

@@ -128,13 +128,13 @@ class Commands(click.Group):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the options before the command."""
-        with _short_usage():
+        with _one_line_usage():
             return super().parse_args(ctx, args)
 
     def invoke(self, ctx: click.Context) -> object:
         """Run the command of the command line."""
         try:
-            with _short_usage():
+            with _one_line_usage():
                 return super().invoke(ctx)
         except DualbendError as error:
             _tell(str(error))
@@ -160,15 +160,17 @@ def _tell(message: str) -> None:
 
 
 @contextmanager
-def _short_usage() -> Iterator[None]:
-    """Shorten what click says of a wrong option."""
+def _one_line_usage() -> Iterator[None]:
+    """Say in one line what click says of a wrong option in four."""
     try:
         yield
+    except click.exceptions.NoArgsIsHelpError:
+        raise
     except click.UsageError as error:
-        said = error.format_message()
-        if len(said) <= _LONGEST_USAGE or isinstance(error, click.exceptions.NoArgsIsHelpError):
-            raise
-        raise click.UsageError(shortened(said, _LONGEST_USAGE), error.ctx) from error
+        path = "dualbend" if error.ctx is None else error.ctx.command_path
+        said = shortened(error.format_message(), _LONGEST_USAGE).rstrip(".?")
+        _tell(f"{said}; {path} --help shows what there is")
+        sys.exit(EXIT_BAD_INPUT)
 
 
 def _interrupted(error: BaseException | None) -> bool:

@@ -22,7 +22,11 @@ class GuardConfig(Config):
     ] = 3
     speed_fraction: Annotated[float, said("of the published joint speeds", gt=0, le=1)] = 1.0
     sensor_cycles: (
-        Annotated[int, said("cycles in a row at a sensor's range end; none: no limit", ge=1)] | None
+        Annotated[
+            int,
+            said("cycles in a row at a sensor's range end; none: no limit", ge=1, le=1_000_000),
+        ]
+        | None
     ) = None
 
 
