@@ -26,7 +26,7 @@ def test_losses_are_of_the_first_filter_s_gain(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(module, "oscillate", oscillate)
     none, short = filters_compared(FIG9, filters=FILTERS[:2])
     assert (none.predicted_loss, none.simulated_loss) == (0.0, 0.0)
-    assert none.simulated_b == pytest.approx(0.6, rel=3e-3)  # the bisection's interval
+    assert none.simulated_b == pytest.approx(0.6, rel=3e-3)  # a step of the grid
     assert short.simulated_loss == pytest.approx(0.0, abs=6e-3)
     # Golden, docs/stability.md: 0.5797 and 0.6400, 9.4 % lost.
     assert none.predicted_b == pytest.approx(0.5797, abs=5e-5)

@@ -50,7 +50,8 @@ from dualbend.run.disk.saved import load_run  # noqa: E402
 from dualbend.run.make import make_run  # noqa: E402
 from dualbend.scenario.load import load_scenario  # noqa: E402
 from dualbend.study.folder import RUNS, STUDY, StudyFolder  # noqa: E402
-from dualbend.study.onset import bisection  # noqa: E402
+from dualbend.study.onset import study as onsets  # noqa: E402
+from dualbend.study.onset.design import grid  # noqa: E402
 from dualbend.study.onset.results import Case, Rate, Simulated  # noqa: E402
 
 LIMIT_S = 60.0
@@ -151,6 +152,7 @@ def made_up_case(key: str, axis: Any, alpha: float, ray: float) -> Case:
         b=1.0,
         unstable_b=0.995,
         stable_b=1.005,
+        growing_b=0.995,
         frequency_hz=2.0,
         residual=1e-6,
         rates=rates,
@@ -174,9 +176,7 @@ def made_up_case(key: str, axis: Any, alpha: float, ray: float) -> Case:
 def make_onset(folder: Path) -> None:
     """Leave an onset study whose cases are made up: a real one takes minutes."""
     folder.mkdir()
-    tasks = bisection._tasks(
-        load_scenario("fig8"), bisection.RAYS_PER_S, bisection.ANGLES_RAD, ("rotation",)
-    )
+    tasks = onsets._tasks(load_scenario("fig8"), grid(("rotation",)))
     cases = [made_up_case(key, *task[2:]) for key, task in tasks.items()]
     study = StudyFolder(folder=folder, row=Case, study={"kind": "onset"})
     (folder / STUDY).write_text(json.dumps(study.study))
@@ -439,8 +439,8 @@ def main() -> int:
         def in_turn(_: int | None) -> Any:
             return lambda tasks, run_one: ((key, run_one(*task)) for key, task in tasks.items())
 
-        bisection.in_processes = in_turn
-        bisection.work = lambda key, _, *case: made_up_case(key, *case)
+        onsets.in_processes = in_turn
+        onsets.work = lambda key, _, *case: made_up_case(key, *case)
         measured([str(top / "bent.toml")], None, lambda _: None)
         checking.measure_all = measured  # type: ignore[assignment]
         for number in [asked.only] if asked.only is not None else range(asked.count):

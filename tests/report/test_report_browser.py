@@ -53,6 +53,22 @@ for (const plot of document.querySelectorAll(".plot")) {
 return result;
 """
 
+HEADS = """
+// For each plot with a title: the title's upper and the toolbar's lower edge.
+function parts(root, name) {
+  const found = [...root.querySelectorAll(name)];
+  for (const child of root.querySelectorAll("*")) {
+    if (child.shadowRoot) found.push(...parts(child.shadowRoot, name));
+  }
+  return found;
+}
+return [...document.querySelectorAll(".plot")]
+  .map((plot) => [parts(plot, ".bk-Title"), parts(plot, ".bk-Toolbar")])
+  .filter(([titles]) => titles.length)
+  .map((found) => found.map(([part]) => part.getBoundingClientRect()))
+  .map(([title, toolbar]) => [title.top, toolbar.bottom, toolbar.height]);
+"""
+
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -153,6 +169,17 @@ def test_zooming_one_plot_zooms_those_beside_it(browser: "webdriver.Chrome", pag
         """
     )
     assert titles == [[0.1, 0.2]] * 2
+
+
+def test_no_toolbar_lies_over_a_title(browser: "webdriver.Chrome", page: Path) -> None:
+    """Each has a row of its own, however long the title and narrow the plot."""
+    open_page(browser, page)
+    heads = browser.execute_script(HEADS)
+    # Two figures of the paper beside each other, and a map of two axes for each.
+    assert len(heads) >= 4
+    for title_top, toolbar_bottom, toolbar_height in heads:
+        assert toolbar_height > 0.0
+        assert title_top >= toolbar_bottom
 
 
 def test_a_phone_scrolls_down_only(browser: "webdriver.Chrome", page: Path) -> None:

@@ -1,8 +1,9 @@
-"""Prediction against simulation: the bisection, the evaluation of a run, and two runs."""
+"""Prediction against simulation: the criterion of an onset, the cases, and two runs."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -15,13 +16,15 @@ from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.folder import RUNS
-from dualbend.study.onset import bisection as module
-from dualbend.study.onset.bisection import bracketed, onset_study
+from dualbend.study.onset import study as module
+from dualbend.study.onset.design import Point, drawn, grid
 from dualbend.study.onset.figure import plot_onsets
 from dualbend.study.onset.held import dominant_frequency, evaluate, held, oscillate
 from dualbend.study.onset.prediction import RayLoop
 from dualbend.study.onset.report import report, summary
 from dualbend.study.onset.results import Case, OnsetStudy, Rate, Simulated
+from dualbend.study.onset.study import onset_study
+from dualbend.study.onset.threshold import AGREEING, STEP, threshold
 
 Vector = NDArray[np.float64]
 FIG9 = load_scenario("fig9")
@@ -66,18 +69,109 @@ def test_frequency_lies_between_the_lines_of_the_spectrum() -> None:
     )
 
 
+@pytest.mark.parametrize("frequency_hz", [1.5, 2.3, 6.0])
+@pytest.mark.parametrize("phase", [0.0, 0.8, 1.6, 2.4])
+def test_a_run_grows_where_its_mode_does(frequency_hz: float, phase: float) -> None:
+    times = COMMAND_PERIOD_S * np.arange(199)
+    for growth in (-0.1, 0.1):
+        mode = 0.02 * np.exp(growth * times) * np.cos(2 * math.pi * frequency_hz * times + phase)
+        # Discretisation-limited: half a period in four changes rms by 2 %, 0.01 /s of the rate.
+        assert evaluate(mode, 199, LIMIT).grows == (growth > 0.0)
+
+
+def swelling(*sizes: float) -> Vector:
+    """An oscillation at 5 Hz that has one size after another, each as long."""
+    size = np.repeat(sizes, 200 // len(sizes))
+    return 1e-3 * size * np.sin(2 * math.pi * 5.0 * COMMAND_PERIOD_S * np.arange(size.size))
+
+
+def test_the_whole_second_half_counts_and_not_where_a_swell_lies() -> None:
+    """Analytic: rms of the halves by the sizes of their quarters."""
+    # Larger in the second half, and just then at its smallest: rms² 1.0 against 1.7.
+    assert evaluate(swelling(1.0, 1.0, 1.0, 1.0, 2.0, 1.6, 0.8, 0.1), 200, LIMIT).grows
+    # Comes back once, larger than it began, and is smaller all in all: 2.1 against 0.6.
+    assert not evaluate(swelling(1.0, 2.0, 1.6, 0.9, 0.1, 1.5, 0.2, 0.1), 200, LIMIT).grows
+
+
+def test_at_the_bound_it_grows_no_further() -> None:
+    # The first half at the bound all the time, the second at 0.9 of it: a limit cycle.
+    assert evaluate(100.0 * LIMIT * 10.0 * swelling(1.0, 0.9), 200, LIMIT).grows
+    # It was at the bound and dies out.
+    assert not evaluate(100.0 * LIMIT * 10.0 * swelling(1.0, 0.9, 0.4, 0.1), 200, LIMIT).grows
+
+
 @pytest.mark.parametrize("guess", [0.2, 0.9, 1.0, 1.1, 5.0])
-def test_the_onset_is_found_from_either_side(guess: float) -> None:
-    low, high = bracketed(lambda b: b < 1.0, guess)
-    # Analytic.
-    assert low < 1.0 <= high <= 1.0101 * low
+def test_the_onset_does_not_depend_on_the_guess(guess: float) -> None:
+    found = threshold(lambda b: b < 1.0, guess)
+    # Analytic: the middle of the step in which the change is.
+    assert found.b == threshold(lambda b: b < 1.0, 1.0).b
+    assert found.b == pytest.approx(1.0, rel=0.51 * STEP)
+    assert found.unstable < 1.0 <= found.stable <= 1.0001 * (1.0 + STEP) * found.unstable
+
+
+def erring(*powers: int) -> Callable[[float], bool]:
+    """An onset between the powers −1 and 0 of the grid, with runs that say the opposite."""
+
+    def grows(b: float) -> bool:
+        i = round(math.log(b) / math.log1p(STEP))
+        return (i < 0) != (i in powers)
+
+    return grows
+
+
+@pytest.mark.parametrize("guess", [0.5, 0.93, 1.0, 1.08, 2.0])
+def test_runs_that_err_move_the_onset_by_a_step_each(guess: float) -> None:
+    """A bisection of the same runs ends at any of five changes of sign, 11 % apart."""
+    # Analytic: −5 and −3 do not grow, 2, 3 and 6 do: one more than on the other side.
+    found = threshold(erring(-5, -3, 2, 3, 6), guess)
+    assert math.log(found.b) / math.log1p(STEP) == pytest.approx(-0.5 + 1.0)
+    ends = [math.log(b) / math.log1p(STEP) for b in (found.unstable, found.stable)]
+    assert ends == pytest.approx([-6.0, 7.0])
+    assert found.runs >= 13 + 2 * (AGREEING - 1)
+
+
+def test_of_runs_that_chance_decides_it_is_the_middle() -> None:
+    random = np.random.default_rng(1)
+    # A logistic of scale 0.03 in ln b: runs disagree over some 20 %.
+    found = [
+        math.log(threshold(lambda b: random.uniform() < 1.0 / (1.0 + b ** (1.0 / 0.03)), 1.0).b)
+        for _ in range(400)
+    ]
+    # Statistical, n = 400: the estimate of one has a standard deviation of sqrt(STEP * 0.03).
+    deviation = math.sqrt(STEP * 0.03)
+    assert np.std(found) == pytest.approx(deviation, rel=0.15)
+    assert np.mean(found) == pytest.approx(0.0, abs=4.0 * deviation / 20.0)
 
 
 def test_an_onset_that_is_nowhere_is_said() -> None:
-    with pytest.raises(InputError, match="all oscillate"):
-        bracketed(lambda _: True, 1.0)
-    with pytest.raises(InputError, match="none oscillates"):
-        bracketed(lambda _: False, 1.0)
+    with pytest.raises(InputError, match=r"between b = 1 and 8: .* row that do not grow"):
+        threshold(lambda _: True, 1.0)
+    with pytest.raises(InputError, match=r"between b = 0\.12\d and 1: .* row that grow"):
+        threshold(lambda _: False, 1.0)
+
+
+FRESH = (
+    *(("x", 0.34, 200.0), ("rotation", 0.57, 42.0), ("x", 0.48, 480.0), ("rotation", 0.92, 14.0)),
+    *(("x", 0.72, 28.0), ("rotation", 0.97, 1000.0), ("x", 0.71, 380.0), ("rotation", 0.61, 590.0)),
+    *(("x", 0.56, 35.0), ("rotation", 0.42, 18.0), ("x", 0.62, 60.0), ("rotation", 0.73, 5.4)),
+)
+"""The cases of docs/stability.md, written down before any was run."""
+
+
+def test_the_fresh_cases_are_the_ones_that_were_written_down() -> None:
+    assert tuple(drawn(12, 2026)) == FRESH
+    old = {(point.axis, point.alpha_rad, point.ratio_per_s) for point in grid()}
+    assert not old & set(FRESH)
+
+
+def test_drawn_cases_are_those_of_their_seed() -> None:
+    points = drawn(40, 3)
+    assert points[:12] == drawn(12, 3) != drawn(12, 4)
+    assert [point.axis for point in points[:4]] == ["x", "rotation", "x", "rotation"]
+    assert all(0.2 <= p.alpha_rad <= 1.0 and 5.0 <= p.ratio_per_s <= 1600.0 for p in points)
+    assert {p.axis for p in drawn(4, 3, ("rotation",))} == {"rotation"}
+    # Statistical, n = 40: as many rays below the middle of the logarithm as above.
+    assert 10 <= sum(p.ratio_per_s < math.sqrt(5.0 * 1600.0) for p in points) <= 30
 
 
 def test_a_ray_scales_the_loop_and_the_onset_is_on_the_unit_circle() -> None:
@@ -127,26 +221,24 @@ def test_a_held_scenario_rests_at_its_angle_without_noise() -> None:
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"rays": ()}, "rays: none given"),
-        ({"angles": ()}, "angles: none given"),
-        ({"axes": ()}, "axes: none given"),
-        ({"rays": (-5.0,)}, "rays: -5.0 must be positive"),
-        ({"angles": (math.nan,)}, "angles: nan must be positive"),
-        ({"angles": (3.0,)}, r"angle 3\.0"),
-        ({"angles": (1e-3,)}, "must be above"),
+        ({"points": ()}, "points: none given"),
+        ({"points": [Point("x", 0.5, -5.0)]}, "ray: -5.0 must be positive"),
+        ({"points": [Point("x", math.nan, 5.0)]}, "angle: nan must be positive"),
+        ({"points": [Point("x", 3.0, 5.0)]}, r"angle 3\.0"),
+        ({"points": [Point("rotation", 1e-3, 5.0)]}, "must be above"),
         ({"workers": 0}, "workers = 0"),
     ],
 )
 def test_what_makes_no_study_is_refused(changed: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        onset_study(FIG9, **changed)  # type: ignore[arg-type]
+        onset_study(FIG9, **{"points": grid(), **changed})  # type: ignore[arg-type]
 
 
 def test_a_scenario_without_the_axis_is_refused() -> None:
     with pytest.raises(InputError, match=r"compliance\.x is off"):
-        onset_study(load_scenario("fig6"))
+        onset_study(load_scenario("fig6"), grid())
     with pytest.raises(InputError, match="no compliance"):
-        onset_study(load_scenario("fig9", ["compliance.complying=[]"]))
+        onset_study(load_scenario("fig9", ["compliance.complying=[]"]), grid())
     with pytest.raises(InputError, match=r"compliance\.x\.k = -1\.0: must be positive"):
         held(FIG9, "x", 0.5, (0.2, -1.0))
 
@@ -156,6 +248,7 @@ def a_case(key: str, ratio: float) -> Case:
         b=0.5,
         unstable_b=0.498,
         stable_b=0.502,
+        growing_b=0.498,
         frequency_hz=2.5,
         residual=1e-5,
         rates=(Rate(b=0.45, predicted_per_s=0.6, simulated_per_s=0.5),),
@@ -189,7 +282,7 @@ def test_what_is_found_is_kept_and_not_done_again(
         return a_case(key, ratio_per_s)
 
     monkeypatch.setattr(module, "work", work)
-    given = {"rays": (5.0, 80.0), "angles": (0.5,), "axes": ("x",), "workers": 1}
+    given = {"points": grid(("x",), (0.5,), (5.0, 80.0)), "workers": 1}
     with pytest.raises(KeyboardInterrupt):
         onset_study(FIG9, **given, folder=tmp_path)  # type: ignore[arg-type]
     found = onset_study(FIG9, **given, folder=tmp_path)  # type: ignore[arg-type]
@@ -212,7 +305,7 @@ def test_errors_are_told_with_their_sign(tmp_path: Path) -> None:
     assert "x, paper (23): onset median error 90.0 %, worst -90.0 %" in text
     assert "x, frequency: median error 4.0 %" in text
     assert "off by 0.10 /s in the median" in text
-    assert "| x | 0.5 | 80 | 0.5 | 0.55 (+10.0 %) |" in report(found)
+    assert "| x | 0.5 | 80 | 0.5 | -0 to +0 % | 0.55 (+10.0 %) |" in report(found)
     plot_onsets(FIG9, found, tmp_path / "map.png")
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     with pytest.raises(InputError, match="cannot be written"):

@@ -17,8 +17,8 @@ from dualbend.check.baseline import read_baseline
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
 from dualbend.study.folder import RUNS, STUDY, StudyFolder
-from dualbend.study.onset import bisection
-from dualbend.study.onset.bisection import onset_study
+from dualbend.study.onset import study as onsets
+from dualbend.study.onset.design import grid
 from dualbend.study.onset.results import Case, Rate, Simulated
 from dualbend.study.processes import in_processes
 from dualbend.study.robustness.run import run_study
@@ -56,7 +56,7 @@ def made_up(key: str, _: object, axis: Any, alpha: float, ray: float) -> Case:
     rates = tuple(Rate(b=b, predicted_per_s=1.0, simulated_per_s=None) for b in (0.9, 1.1))
     found = Simulated(
         **{"b": 1.0, "unstable_b": 0.995, "stable_b": 1.005, "frequency_hz": 2.0},
-        **{"residual": None, "rates": rates, "runs": 9},
+        **{"growing_b": 0.995, "residual": None, "rates": rates, "runs": 9},
     )
     numbers = ("paper_b", "delayed_b", "sampled_b", "sampled_hz", "same_gains_hz")
     return Case(
@@ -69,11 +69,10 @@ def made_up(key: str, _: object, axis: Any, alpha: float, ray: float) -> Case:
 @pytest.fixture
 def onset(monkeypatch: pytest.MonkeyPatch) -> Go:
     def go(folder: Path, again: bool) -> object:
-        monkeypatch.setattr(bisection, "work", never if again else made_up)
+        monkeypatch.setattr(onsets, "work", never if again else made_up)
         scenario = load_scenario("fig8")
-        return onset_study(
-            scenario, rays=(5.0, 20.0), angles=(0.5,), axes=("rotation",), folder=folder
-        )
+        points = grid(("rotation",), (0.5,), (5.0, 20.0))
+        return onsets.onset_study(scenario, points, folder=folder)
 
     return go
 

@@ -14,12 +14,14 @@ from scipy.stats import sobol_indices, uniform
 from dualbend.errors import InputError
 from dualbend.run.record import Metric
 from dualbend.study.sweep.design import Design, make_design
+from dualbend.study.sweep.figures import plot_heat_map
 from dualbend.study.sweep.file import Sweep, load_sweep
 from dualbend.study.sweep.progress import Progress, duration
 from dualbend.study.sweep.report import SENSITIVITY, report_lines, write_report
 from dualbend.study.sweep.run import RunRow
 from dualbend.study.sweep.sensitivity import sensitivities
 from dualbend.study.sweep.table import TABLE, make_table, numbers, shown_metrics, unit_of
+from support.pictures import kept_figures
 from support.stand_in import a_sweeps_run
 
 GRID = {
@@ -227,3 +229,29 @@ def test_a_terminal_has_one_line_that_is_wiped() -> None:
 )
 def test_durations_are_as_people_say_them(seconds: float, text: str) -> None:
     assert duration(seconds) == text
+
+
+def test_no_cross_lies_over_a_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every run of the largest grid whose values are written, all crossed."""
+    steps = {"min": 0.3, "max": 0.4, "steps": 12}
+    keys = {"compliance.x.b": {"min": 4.0, "max": 9.0, "steps": 12}, "sheet.length_m": steps}
+    sweep, design = load(tmp_path, sample={"kind": "grid"}, keys=keys)
+    metrics = {"peak_moment": Metric(-1.234567e-5, "N m")}
+    rows = [
+        RunRow(index=i, outcome="protective_stop", metrics=metrics) for i in range(len(design.rows))
+    ]
+    table = make_table(sweep, design, rows)
+    found = kept_figures(monkeypatch)
+    plot_heat_map(sweep, design, table, "peak_moment", tmp_path / "heat.png")
+    (figure,) = found
+    axes = figure.axes[0]
+    (crosses,) = axes.lines
+    places = axes.transData.transform(np.column_stack(crosses.get_data()))
+    half = 0.5 * crosses.get_markersize() * figure.dpi / 72.0
+    texts = [text.get_window_extent() for text in axes.texts]
+    assert len(texts) == len(places) == 144
+    corners = np.array([[text.x0, text.y0, text.x1, text.y1] for text in texts])
+    for x, y in places:
+        apart = (x + half < corners[:, 0]) | (x - half > corners[:, 2])
+        apart |= (y + half < corners[:, 1]) | (y - half > corners[:, 3])
+        assert apart.all()

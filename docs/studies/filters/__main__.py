@@ -21,7 +21,7 @@ from filters.filters import filters_compared, table
 @click.option("--ray", default=80.0, show_default=True, help="k/b [1/s].")
 @click.option("--friction/--no-friction", default=True, help="With the joints' dry friction.")
 def main(scenario: str, axis: str, angle: float, ray: float, friction: bool) -> None:
-    """Bisect the onset of oscillation with one filter after another; takes minutes."""
+    """Find the onset of oscillation with one filter after another; takes minutes."""
     try:
         cases = filters_compared(
             load_scenario(scenario),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from collections.abc import Sequence
 
@@ -11,9 +10,9 @@ import msgspec
 from dualbend.control.filters import FirConfig, IirConfig, LowPassConfig, NoFilterConfig
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
-from dualbend.study.onset.bisection import bracketed
 from dualbend.study.onset.held import SingleAxis, oscillate
 from dualbend.study.onset.prediction import RayLoop
+from dualbend.study.onset.threshold import threshold
 from dualbend.table import Column, Table
 
 FILTERS: tuple[LowPassConfig, ...] = (
@@ -24,8 +23,8 @@ FILTERS: tuple[LowPassConfig, ...] = (
 )
 """None, two FIR and the Butterworth, at the 10 Hz of the paper."""
 
-_TOLERANCE = 0.003
-"""Of the onset: a loss is a difference of two."""
+_STEP = 0.003
+"""From one b to the next: a loss is a difference of two onsets."""
 
 _PARTS = (0.5, 0.7, 1.0, 1.4, 2.0)
 """Of the disturbance: dry friction scatters an onset by some per cent, the median less so."""
@@ -53,7 +52,7 @@ def filters_compared(
     filters: Sequence[LowPassConfig] = FILTERS,
     friction: bool = True,
 ) -> tuple[FilterCase, ...]:
-    """Bisect the onset with one filter after another, on one ray at one angle.
+    """Find the onset with one filter after another, on one ray at one angle.
 
     Raises InputError where there is no filter or no onset.
     """
@@ -85,7 +84,7 @@ def _onset(ray: RayLoop, axis: SingleAxis, guess: float, part: float, *, frictio
     def grows(b: float) -> bool:
         return oscillate(ray.held(b, part), axis, friction=friction).grows
 
-    return math.sqrt(math.prod(bracketed(grows, guess, _TOLERANCE)))
+    return threshold(grows, guess, _STEP).b
 
 
 def _name(config: LowPassConfig) -> str:

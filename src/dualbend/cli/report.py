@@ -19,8 +19,8 @@ from dualbend.cli.common import FILE, FOLDER, PATH, SETTINGS, command
 def report(runs: tuple[Path, ...], out: Path | None) -> None:
     """Write one HTML page about one or several runs.
 
-    DIR is a folder written by dualbend run. Several runs are shown side by side on one scale. The
-    page opens without a network.
+    DIR is a folder written by dualbend run. Several runs are shown side by side, those of like size
+    on one scale. The page opens without a network.
     """
     from dualbend.report.page import write_report
     from dualbend.run.disk.folder import later_log

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     "--validate",
     "validated",
     is_flag=True,
-    help="Validate against simulation: bisect the onset of oscillation; takes minutes.",
+    help="Validate against simulation: find the onset of oscillation; takes minutes.",
 )
 @click.option("--confront", "renamed", is_flag=True, hidden=True, help="Now --validate.")
 @click.option(
@@ -68,6 +68,12 @@ if TYPE_CHECKING:
     "[default: runs/NAME-onset]",
 )
 @click.option("--workers", type=click.IntRange(min=1), help="Processes of the onset study.")
+@click.option(
+    "--draw",
+    type=(click.IntRange(min=1), click.IntRange(min=0)),
+    metavar="N SEED",
+    help="Validate N cases drawn with a seed, in place of the grid of rays and angles.",
+)
 @SETTINGS
 def stability(
     scenario: str,
@@ -80,6 +86,7 @@ def stability(
     renamed: bool,
     out: Path | None,
     workers: int | None,
+    draw: tuple[int, int] | None,
     settings: tuple[str, ...],
 ) -> None:
     """Predict the stability of the compliance.
@@ -93,10 +100,11 @@ def stability(
         raise InputError("--confront is --validate now")
     loaded = load(scenario, settings)
     if validated:
-        _validate(loaded, axis, out or Path("runs") / f"{loaded.name}-onset", workers, as_json)
+        folder = out or Path("runs") / f"{loaded.name}-onset"
+        _validate(loaded, axis, draw, folder, workers, as_json)
         return
-    if out is not None or workers is not None:
-        raise InputError("--out and --workers belong to --validate")
+    if out is not None or workers is not None or draw is not None:
+        raise InputError("--out, --workers and --draw belong to --validate")
     prediction = predict(loaded, axis)
     if map_file is not None and prediction.rows:
         from dualbend.report.figures import plot_stability_map
@@ -113,22 +121,25 @@ def stability(
 def _validate(
     loaded: Scenario,
     axis: Literal["x", "rotation", "coupled"],
+    draw: tuple[int, int] | None,
     folder: Path,
     workers: int | None,
     as_json: bool,
 ) -> None:
-    """Bisect, print each case when it is found, and write numbers, table and picture."""
-    from dualbend.study.onset.bisection import AXES, onset_study
+    """Find the onsets, print each when it is found, and write numbers, table and picture."""
+    from dualbend.study.onset.design import AXES, drawn, grid
     from dualbend.study.onset.figure import plot_onsets
     from dualbend.study.onset.report import describe_case, summary, write_report
     from dualbend.study.onset.results import Case
+    from dualbend.study.onset.study import onset_study
 
     def tell(done: int, total: int, case: Case | None) -> None:
         if case is not None:
             click.echo(f"{done}/{total}  {describe_case(case)}", err=True)
 
     axes = AXES if axis == "coupled" else (axis,)
-    found = onset_study(loaded, axes=axes, workers=workers, folder=folder, on_run=tell)
+    points = grid(axes) if draw is None else drawn(*draw, axes)
+    found = onset_study(loaded, points, workers=workers, folder=folder, on_run=tell)
     write_report(found, folder)
     plot_onsets(loaded, found, folder / "onset.png")
     if as_json:

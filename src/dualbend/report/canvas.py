@@ -15,7 +15,7 @@ try:
     # It refuses to be imported where MPLBACKEND names what is not installed here.
     import matplotlib as mpl
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, FigureBase
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 finally:
@@ -23,7 +23,7 @@ finally:
     if _backend is not None:
         os.environ["MPLBACKEND"] = _backend
 
-__all__ = ["Axes", "Figure", "Outline", "PathPatch", "mpl", "own_style"]
+__all__ = ["Axes", "Figure", "FigureBase", "Outline", "PathPatch", "mpl", "own_style"]
 
 _STYLE = {key: mpl.rcParamsDefault[key] for key in mpl.rcParamsDefault if "backend" not in key}
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from dualbend.errors import writing
 from dualbend.files import whole_file
-from dualbend.report.canvas import Axes, Figure, Outline, PathPatch, mpl, own_style
+from dualbend.report.canvas import Axes, Figure, FigureBase, Outline, PathPatch, mpl, own_style
 from dualbend.report.moment import is_bending, knots_of, moment_plot, recorded_moments
-from dualbend.report.plot import COLOURS, LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot
+from dualbend.report.plot import COLOURS, LEFT_RIGHT, Axis, Colour, Curve, Plot
 from dualbend.report.sections.tables import ended
 from dualbend.report.stability_map import stability_panel
 from dualbend.run.record import RunRecord
@@ -44,7 +44,7 @@ def save(
 
 
 def draw(axes: Axes, shown: Plot, palette: Mapping[Colour, Any] = PALETTE) -> None:
-    """Draw a plot as it is described; its legend is the caller's."""
+    """Draw a plot as it is described; its legend is :func:`legend_below`'s."""
     for left, right in shown.bands:
         axes.axvspan(left, right, color="0.5", alpha=0.12, linewidth=0.0)
     for rings in shown.areas:
@@ -80,11 +80,18 @@ def draw(axes: Axes, shown: Plot, palette: Mapping[Colour, Any] = PALETTE) -> No
         axes.set_aspect("equal", adjustable="datalim")
 
 
+def legend_below(figure: FigureBase, axes: Axes, columns: int) -> None:
+    """Name the curves of some axes below all that a figure or a part of one shows, off curves."""
+    handles, labels = axes.get_legend_handles_labels()
+    place: Any = {"loc": "outside lower center", "ncols": columns}
+    figure.legend(handles, labels, fontsize="small", frameon=False, **place)
+
+
 def _picture(shown: Plot) -> tuple[Figure, Axes]:
     figure = Figure(figsize=_SIZE, layout="constrained")
     axes = figure.add_subplot()
     draw(axes, shown)
-    axes.legend(loc="upper right", frameon=False)
+    legend_below(figure, axes, 3)
     return figure, axes
 
 
@@ -117,7 +124,7 @@ def plot_compared_moments(
 
     Raises OSError where ``path`` cannot be written.
     """
-    looks = zip(runs, labels, COLOURS, LEFT_RIGHT_WIDTHS, strict=False)
+    looks = zip(runs, labels, COLOURS, LEFT_RIGHT, strict=False)
     curves = [curve for look in looks for curve in _filtered_and_true(*look)]
     shown = moment_plot(
         curves,
@@ -129,13 +136,13 @@ def plot_compared_moments(
 
 
 def _filtered_and_true(
-    run: RunRecord, label: str, colour: Colour, width: float
+    run: RunRecord, label: str, colour: Colour, look: tuple[float, float]
 ) -> tuple[Curve, Curve]:
     _, filtered, true = recorded_moments(run, is_bending(run))
     name = f"{label}, {run.sensing_side}: largest {np.nanmax(np.abs(true.y), initial=0.0):.1f} mN m"
     return (
         replace(filtered, name="", colour=colour, width=0.7, opacity=0.5),
-        replace(true, name=name, colour=colour, width=width),
+        replace(true, name=name, colour=colour, width=look[0], opacity=look[1]),
     )
 
 
@@ -147,12 +154,13 @@ def plot_stability_map(panels: Sequence[Panel], title: str, path: Path) -> None:
     """
     viridis = mpl.colormaps["viridis"]
     angles = {colour: viridis(i / 4) for i, colour in enumerate(COLOURS[:4])}
-    figure = Figure(figsize=(6.4 * len(panels), 5.2), layout="constrained")
-    axes_of = figure.subplots(1, len(panels), squeeze=False)[0]
-    for axes, panel in zip(axes_of, panels, strict=True):
+    figure = Figure(figsize=(6.4 * len(panels), 6.2), layout="constrained")
+    parts = figure.subfigures(1, len(panels), squeeze=False)[0]
+    for part, panel in zip(parts, panels, strict=True):
+        axes = part.add_subplot()
         draw(axes, stability_panel(panel, stiffness=True), {**PALETTE, **angles})
         axes.plot([], [], color="0.3", label="sampled loop")
         axes.plot([], [], color="0.3", linestyle="dashed", label="paper (23)")
-        axes.legend(fontsize="small", loc="upper left")
+        legend_below(part, axes, 2)
     figure.suptitle(f"{title}; shaded: unstable")
     save(figure, path, "--map")

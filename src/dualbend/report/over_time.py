@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.report.plot import LEFT_RIGHT_WIDTHS, Axis, Colour, Curve, Plot, common
+from dualbend.report.plot import LEFT_RIGHT, Axis, Colour, Curve, Plot, common
 from dualbend.report.section import Figure
 from dualbend.run.record import RunRecord
 from dualbend.types import SIDES, Vector
 
 _COLOURS: dict[str, tuple[Colour, Colour]] = {
-    "left": ("blue", "orange"),
-    "right": ("green", "purple"),
+    "left": ("blue", "green"),
+    "right": ("orange", "purple"),
 }
 
 
@@ -48,22 +48,27 @@ class OverTime:
         return list(_phases(self.run))
 
     def curve(
-        self, column: str, name: str, colour: Colour, factor: float = 1.0, width: float = 1.6
+        self,
+        column: str,
+        name: str,
+        colour: Colour,
+        factor: float = 1.0,
+        look: tuple[float, float] = (1.6, 1.0),
     ) -> Curve:
-        """Return a column of the trace, times a factor, over time."""
-        return Curve(name, self.run["time"], factor * self.run[column], colour, width)
+        """Return a column of the trace, times a factor, over time; ``look``: width and opacity."""
+        values, (width, opacity) = factor * self.run[column], look
+        return Curve(name, self.run["time"], values, colour, width, opacity=opacity)
 
     def curves_by_side(
         self,
         columns: Sequence[tuple[str, str]],
         factor: float,
         sides: Sequence[str] = SIDES,
-        widths: tuple[float, float] = LEFT_RIGHT_WIDTHS,
     ) -> list[Curve]:
         """Return curves of one or two columns of each side, given as name and ending."""
         return [
-            self.curve(f"{side}_{column}", f"{side} {name}".strip(), colour, factor, width)
-            for side, width in zip(sides, widths, strict=False)
+            self.curve(f"{side}_{column}", f"{side} {name}".strip(), colour, factor, look)
+            for side, look in zip(sides, LEFT_RIGHT, strict=False)
             for (name, column), colour in zip(columns, _COLOURS[side], strict=False)
         ]
 

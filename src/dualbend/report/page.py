@@ -21,7 +21,7 @@ from dualbend.report.moment import (
     moment_plot,
 )
 from dualbend.report.over_time import OverTime
-from dualbend.report.plot import common
+from dualbend.report.plot import common, shared
 from dualbend.report.section import Chapter, Figure, Panels, Section, Verdict, Warned
 from dualbend.report.sections.summary import arms_section, sheet_section
 from dualbend.report.sections.tables import (
@@ -116,7 +116,7 @@ def common_sections(run: RunRecord) -> list[Section | None]:
 
 
 def _side_by_side(runs: Sequence[RunRecord], names: Sequence[str]) -> list[Section]:
-    """Return the paper's figures on one scale and the metrics of all runs."""
+    """Return the moments of all runs, those of like size on one scale, and their metrics."""
     bent = [(run, name) for run, name in zip(runs, names, strict=True) if bending_rows(run).size]
     metrics = metrics_section(runs, names, "over the phases that each run's own table names")
     return [_moments(bent), metrics] if bent else [metrics]
@@ -125,14 +125,13 @@ def _side_by_side(runs: Sequence[RunRecord], names: Sequence[str]) -> list[Secti
 def _moments(bent: Sequence[tuple[RunRecord, str]]) -> Section:
     curves = [moment_curves(run) for run, _ in bent]
     every = [curve for of_run in curves for curve in of_run]
-    axes = (
-        replace(ANGLE, range=common([curve.x for curve in every], 0.01)),
-        replace(MOMENT, range=common([curve.y for curve in every])),
-    )
+    angle = replace(ANGLE, range=common([curve.x for curve in every], 0.01))
+    scales = shared([common([curve.y for curve in of_run]) for of_run in curves])
     figures = []
-    for (run, name), of_run in zip(bent, curves, strict=True):
+    for (run, name), of_run, scale in zip(bent, curves, scales, strict=True):
         paper = PAPER_FIGURES.get(run.scenario.name)
         title = f"{name}, the paper's {paper}" if paper else name
+        axes = (angle, replace(MOMENT, range=scale))
         figures.append(
             Figure(
                 moment_plot(of_run, knots_of(run.scenario), axes=axes, title=title),
@@ -142,8 +141,9 @@ def _moments(bent: Sequence[tuple[RunRecord, str]]) -> Section:
             )
         )
     words = (
-        "Moment at the sensing gripper over the bending angle, all on one scale; zooming one "
-        "zooms all. The reference solution does not comply: it is the moment on the nominal path. "
+        "Moment at the sensing gripper over the bending angle. Runs whose moments are of like size "
+        "are on one scale, larger ones on another; zooming one zooms those of its scale. The "
+        "reference solution does not comply: it is the moment on the nominal path. "
         + " ".join(
             f"{name}: {without}" for run, name in bent if (without := no_theory(run.scenario))
         )

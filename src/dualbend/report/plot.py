@@ -14,8 +14,11 @@ Colour = Literal["blue", "orange", "green", "purple", "red", "grey"]
 COLOURS: tuple[Colour, ...] = ("blue", "orange", "green", "purple", "red", "grey")
 """Names; whoever draws has a palette that is seen on its ground."""
 
-LEFT_RIGHT_WIDTHS = (3.2, 1.4)
-"""Where two curves of a kind are equal, the second is seen on the first."""
+LEFT_RIGHT = ((5.0, 0.45), (1.5, 1.0))
+"""Width and opacity of two curves of a kind: where they are equal, the second lies in the first."""
+
+_ALIKE = 3.0
+"""How much longer a range may be than one that it is joined with."""
 
 
 @dataclass(frozen=True)
@@ -96,3 +99,23 @@ def common(values: Sequence[Vector], margin: float = 0.04) -> Range:
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     room = margin * ((high - low) or 1.0)
     return Range(low=low - room, high=high + room)
+
+
+def shared(ranges: Sequence[Range]) -> list[Range]:
+    """Return for each range the one that it shares with those of like size.
+
+    From the smallest on, those up to three times its length are joined: among curves that are ten
+    times larger a small one would be a line.
+    """
+    found: dict[Range, Range] = {}
+    left = sorted(ranges, key=_length)
+    while left:
+        alike = [one for one in left if _length(one) <= _ALIKE * _length(left[0])]
+        joined = Range(low=min(r.low for r in alike), high=max(r.high for r in alike))
+        found.update(dict.fromkeys(alike, joined))
+        left = left[len(alike) :]
+    return [found[one] for one in ranges]
+
+
+def _length(shown: Range) -> float:
+    return shown.high - shown.low

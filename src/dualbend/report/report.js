@@ -23,7 +23,7 @@
   function frame(spec, more) {
     const options = {
       height: spec.height_px, sizing_mode: "stretch_width", min_width: 200, min_border_right: 12,
-      tools: ["pan", "box_zoom", "wheel_zoom", "reset", "save"], toolbar_location: "above",
+      tools: ["pan", "box_zoom", "wheel_zoom", "reset", "save"], toolbar_location: "above", toolbar_sticky: false,
       x_axis_type: spec.x.scale, x_axis_label: axisText(spec.x), y_axis_label: axisText(spec.y),
       match_aspect: spec.true_to_scale, lod_threshold: null, ...more,
     };

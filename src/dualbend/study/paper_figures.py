@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from dualbend.report.canvas import Figure, mpl, own_style
-from dualbend.report.figures import ANGLE, draw, save
+from dualbend.report.figures import ANGLE, draw, legend_below, save
 from dualbend.report.moment import knots_of, moment_curves, moment_plot
 from dualbend.report.page import PAPER_FIGURES, write_report
-from dualbend.report.plot import Axis, Plot
+from dualbend.report.plot import Axis, Plot, common, shared
 from dualbend.run.disk.folder import run_folder
 from dualbend.run.disk.output import write_numbers
 from dualbend.run.disk.saved import load_run
@@ -70,7 +71,9 @@ def _run(name: str, settings: Sequence[str], folder: Path) -> str:
 
 @own_style()
 def write_pictures(runs: Sequence[RunRecord], out: Path) -> None:
-    """Write each run's figure and all beside each other, on one scale, as PNG and SVG.
+    """Write each run's figure and all beside each other as PNG and SVG.
+
+    Beside each other, runs of like size are on one scale: Figs. 6 and 8, without what oscillates.
 
     Raises InputError where a file cannot be written.
     """
@@ -80,14 +83,16 @@ def write_pictures(runs: Sequence[RunRecord], out: Path) -> None:
         figure = Figure(figsize=(5.6, 3.8), layout="constrained")
         axes = figure.add_subplot()
         draw(axes, plot)
-        axes.legend(frameon=False, fontsize="small")
+        legend_below(figure, axes, 4)
         _save(figure, out / run.scenario.name)
-    figure = Figure(figsize=(12.0, 4.0), layout="constrained")
-    panels = figure.subplots(1, len(runs), sharex=True, sharey=True, squeeze=False)[0]
-    for axes, plot in zip(panels, plots, strict=True):
-        draw(axes, plot)
-        axes.label_outer()
-    panels[0].legend(frameon=False, fontsize="small", loc="lower right")
+    figure = Figure(figsize=(12.0, 4.2), layout="constrained")
+    panels = figure.subplots(1, len(runs), sharex=True, squeeze=False)[0]
+    scales = shared([common([curve.y for curve in plot.curves]) for plot in plots])
+    for axes, plot, scale in zip(panels, plots, scales, strict=True):
+        draw(axes, replace(plot, y=replace(plot.y, range=scale)))
+    for axes in panels[1:]:
+        axes.set_ylabel("")
+    legend_below(figure, panels[0], 4)
     _save(figure, out / "figures")
 
 

@@ -62,7 +62,7 @@ def deviation_section(over_time: OverTime) -> Section | None:
         (Axis("deviation along x", "mm"), "deviation_x"),
         (Axis("deviation of the angle", "mrad"), "deviation_alpha"),
     ):
-        curves = over_time.curves_by_side([("", column)], 1e3, sides, widths=(1.6, 1.6))
+        curves = over_time.curves_by_side([("", column)], 1e3, sides)
         figures.append(over_time.figure(axis, curves, f"{axis.label.capitalize()}."))
     return Section("Deviation by compliance", [Panels(figures)])
 

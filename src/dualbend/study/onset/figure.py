@@ -9,7 +9,7 @@ import numpy as np
 
 from dualbend.errors import InputError
 from dualbend.report.canvas import Axes, Figure, mpl, own_style
-from dualbend.report.figures import save
+from dualbend.report.figures import legend_below, save
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.map import gain_units
 from dualbend.study.onset.prediction import RayLoop
@@ -29,9 +29,10 @@ def plot_onsets(scenario: Scenario, found: OnsetStudy, path: Path) -> None:
     axes_names = list(dict.fromkeys(case.axis for case in found.cases))
     if not axes_names:
         raise InputError("no case: nothing to draw")
-    figure = Figure(figsize=(6.8 * len(axes_names), 5.6), layout="constrained")
-    panels = figure.subplots(1, len(axes_names), squeeze=False)[0]
-    for panel, axis in zip(panels, axes_names, strict=True):
+    figure = Figure(figsize=(6.8 * len(axes_names), 6.6), layout="constrained")
+    parts = figure.subfigures(1, len(axes_names), squeeze=False)[0]
+    for part, axis in zip(parts, axes_names, strict=True):
+        panel = part.add_subplot()
         cases = [case for case in found.cases if case.axis == axis]
         angles = sorted({case.alpha_rad for case in cases})
         for i, alpha in enumerate(angles):
@@ -49,7 +50,7 @@ def plot_onsets(scenario: Scenario, found: OnsetStudy, path: Path) -> None:
         panel.set_ylim(onsets[:, 1].min() / _SHOWN_BELOW, onsets[:, 1].max() * _SHOWN_ABOVE)
         panel.set_xlabel(f"damping b [{units[0]}]")
         panel.set_ylabel(f"stiffness k [{units[1]}]")
-        panel.legend(fontsize="small")
+        legend_below(part, panel, 4)
     figure.suptitle(f"{found.scenario}: onset of the oscillation, predicted and simulated")
     save(figure, path)
 

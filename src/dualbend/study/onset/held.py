@@ -40,9 +40,10 @@ _AT_BOUND = 0.5
 class Oscillation:
     """What became of the disturbance.
 
-    ``grows``; ``growth_per_s``: of its effective value while it is neither cut off by the bound
-    nor lost in what stays; ``frequency_hz``: over the second half; ``final``: rms of the deviation
-    in the last 0.7 s [m] or [rad], infinite where the run did not end as planned.
+    ``grows``: the criterion of an onset, see :func:`evaluate`; ``growth_per_s``: of its effective
+    value while it is neither cut off by the bound nor lost in what stays; ``frequency_hz``: over
+    the second half; ``final``: rms of the deviation in the last 0.7 s [m] or [rad], infinite where
+    the run did not end as planned.
     """
 
     grows: bool
@@ -119,7 +120,21 @@ def oscillate(scenario: Scenario, axis: SingleAxis, *, friction: bool = True) ->
 
 
 def evaluate(deviation: Vector, planned: int, limit: float) -> Oscillation:
-    """Evaluate a deviation (n,) [m] or [rad], a sample every 28 ms, ``planned`` of them at most."""
+    """Evaluate a deviation (n,) [m] or [rad], a sample every 28 ms, ``planned`` of them at most.
+
+    The disturbance grows if its effective value (standard deviation) over the second half of the
+    run exceeds that over the first, the logarithmic decrement between the halves being positive:
+
+        σ = ln(rms₂ / rms₁) / (T/2),    for exp(σt) cos(ωt + φ) the rate itself, whatever φ
+
+    but for the parts of a period that a half cuts off. So its sign is that of the dominant mode's
+    growth rate, which is what the prediction says of the loop. Halves, and not windows within
+    them: friction and the bound make an oscillation wax and wane over one or two seconds, so that
+    a short window says where in a swell it happens to lie.
+
+    It grows, too, where the second half is held by the bound, for an oscillation at the bound
+    grows no further; and where the run ended before it was planned to.
+    """
     window = round(WINDOW_S / COMMAND_PERIOD_S)
     if deviation.size < planned or deviation.size < 4 * window:
         return Oscillation(grows=True, growth_per_s=math.inf, frequency_hz=math.nan, final=math.inf)
@@ -127,9 +142,9 @@ def evaluate(deviation: Vector, planned: int, limit: float) -> Oscillation:
     size = parts.std(axis=1)
     first, final = float(size[0]), float(size[-1])
     cap = _AT_BOUND * limit
-    # Friction and bound make an oscillation wax and wane: what counts is whether it comes back.
-    later = float(size[size.size // 2 :].max())
-    grows = later > min(first, cap)
+    middle = deviation.size // 2
+    earlier, later = float(deviation[:middle].std()), float(deviation[middle:].std())
+    grows = later > min(earlier, cap)
     # What the bound holds, and what comes near the remainder that friction keeps, tells no rate.
     telling = size < cap if grows else size > min(3.0 * final, math.sqrt(first * final))
     stop = int(np.argmin(telling)) if not telling.all() else size.size
@@ -138,7 +153,7 @@ def evaluate(deviation: Vector, planned: int, limit: float) -> Oscillation:
     return Oscillation(
         grows=grows,
         growth_per_s=rate,
-        frequency_hz=dominant_frequency(deviation[deviation.size // 2 :]),
+        frequency_hz=dominant_frequency(deviation[middle:]),
         final=final,
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from dualbend.errors import writing
 from dualbend.files import write_whole
-from dualbend.study.onset.results import Case, OnsetStudy
+from dualbend.study.onset.results import Case, OnsetStudy, Simulated
 from dualbend.table import Table, shown
 
 _ANALYSES = {"sampled": "sampled", "delayed": "continuous with delay", "paper": "paper (23)"}
@@ -80,7 +80,8 @@ def _spread(errors: Sequence[float]) -> str:
 
 def _table(found: OnsetStudy) -> Table:
     headings = (
-        *("axis", "rad", "k/b [1/s]", "b simulated", "sampled", "delayed", "paper"),
+        *("axis", "rad", "k/b [1/s]", "b simulated", "runs disagree"),
+        *("sampled", "delayed", "paper"),
         *("without friction", "Hz simulated / sampled"),
         *("growth at 0.9 b, 1.1 b [1/s]: simulated / sampled", "residual"),
     )
@@ -96,6 +97,7 @@ def _cells(case: Case) -> tuple[object, ...]:
     residual = case.simulated.residual
     return (
         *(case.axis, f"{case.alpha_rad:g}", f"{case.ratio_per_s:g}", case.simulated.b),
+        _disagreement(case.simulated),
         f"{case.sampled_b:.4g} ({100 * case.error('sampled'):+.1f} %)",
         f"{case.delayed_b:.3g} ({100 * case.error('delayed'):+.0f} %)",
         f"{case.paper_b:.2g} ({100 * case.error('paper'):+.0f} %)",
@@ -104,3 +106,9 @@ def _cells(case: Case) -> tuple[object, ...]:
         growth,
         None if residual is None else f"{scale * residual:.2g} {unit}",
     )
+
+
+def _disagreement(found: Simulated) -> str:
+    """Return from where to where runs with neighbouring b disagree, relative to the onset."""
+    low, high = (100 * (b / found.b - 1.0) for b in (found.unstable_b, found.stable_b))
+    return f"{low:+.0f} to {high:+.0f} %"

@@ -21,15 +21,18 @@ class Rate(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Simulated(msgspec.Struct, frozen=True, kw_only=True):
-    """What the bisection found: b, the unstable and the stable end of its interval, and more.
+    """The onset b that the runs give, and more.
 
-    ``frequency_hz`` at the unstable end; ``residual``: rms of the deviation [m] or [rad] that stays
-    at 1.1 times the onset, where a linear loop would rest. Null where a run ended too early.
+    Below ``unstable_b`` every run grows, above ``stable_b`` none, between them friction decides;
+    ``frequency_hz`` at ``growing_b``, of the runs that grow the nearest to the onset; ``residual``:
+    rms of the deviation [m] or [rad] that stays at 1.1 times the onset, where a linear loop would
+    rest. Null where a run ended too early.
     """
 
     b: float
     unstable_b: float
     stable_b: float
+    growing_b: _Size
     frequency_hz: _Size | None
     residual: _Size | None
     rates: tuple[Rate, ...]

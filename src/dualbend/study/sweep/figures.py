@@ -17,7 +17,7 @@ from dualbend.study.sweep.file import Sweep
 from dualbend.study.sweep.sensitivity import CONFIDENCE, Sensitivity
 from dualbend.study.sweep.table import key_unit, numbers, unit_of
 
-_MOST_TICKS, _MOST_WRITTEN = 12, 144
+_MOST_TICKS, _MOST_WRITTEN = 12, 12
 
 
 def heat_map_file(metric: str) -> str:
@@ -29,8 +29,8 @@ def heat_map_file(metric: str) -> str:
 def plot_heat_map(sweep: Sweep, design: Design, table: pa.Table, metric: str, path: Path) -> None:
     """Write a metric over a grid of two keys as PNG: the first key to the right, the second up.
 
-    One cell a run, all of one size whatever the keys' steps. × marks a run that did not complete;
-    a cell without colour has no value.
+    One cell a run, all of one size whatever the keys' steps. × marks a run that did not complete,
+    in a corner of its cell where its value is written; a cell without colour has no value.
     """
     levels = [list(dict.fromkeys(str(row[i]) for row in design.rows)) for i in (0, 1)]
     shape = (len(levels[0]), len(levels[1]))
@@ -42,9 +42,11 @@ def plot_heat_map(sweep: Sweep, design: Design, table: pa.Table, metric: str, pa
     drawn = axes.imshow(np.ma.masked_invalid(values.T), origin="lower", aspect="auto")
     axes.set_facecolor("0.9")
     x, y = np.nonzero(~ended)
-    axes.plot(x, y, "x", color="tab:red", markersize=9, markeredgewidth=1.5)
-    if values.size <= _MOST_WRITTEN:
+    written = max(shape) <= _MOST_WRITTEN
+    if written:
         _write_values(axes, values)
+    aside, size = (0.33, 6) if written else (0.0, 9)
+    axes.plot(x + aside, y + aside, "x", color="tab:red", markersize=size, markeredgewidth=1.5)
     for axis, name, i in ((axes.xaxis, design.names[0], 0), (axes.yaxis, design.names[1], 1)):
         every = -(-shape[i] // _MOST_TICKS)
         ticks = range(0, shape[i], every)

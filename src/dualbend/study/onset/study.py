@@ -1,13 +1,14 @@
-"""Prediction against simulation: the onset of the oscillation, bisected in the full simulation.
+"""Prediction against simulation: where the oscillation sets in, looked for in the full simulation.
 
 On rays in the (b, k) plane, at bending angles that are held, one axis at a time: the b at which a
-small disturbance neither grows nor decays, beside what the three analyses say of it.
+small disturbance neither grows nor decays, beside what the three analyses say of it. What an onset
+is stands in two places: :func:`dualbend.study.onset.held.evaluate` says whether one run grows,
+:func:`dualbend.study.onset.threshold.threshold` makes one b of many runs.
 """
 
 from __future__ import annotations
 
 import hashlib
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -18,24 +19,20 @@ from dualbend.evaluation.metrics import finite
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.engine import Study
 from dualbend.study.folder import StudyFolder
+from dualbend.study.onset.design import Point
 from dualbend.study.onset.held import Oscillation, SingleAxis, held, oscillate
 from dualbend.study.onset.prediction import RayLoop
 from dualbend.study.onset.results import Case, OnsetStudy, Rate, Simulated
+from dualbend.study.onset.threshold import AGREEING, STEP, threshold
 from dualbend.study.processes import in_processes
-
-RAYS_PER_S: tuple[float, ...] = (5.0, 20.0, 80.0, 1600.0)
-"""k/b of the default rays [1/s]: the filter's pole is 0.87, 0.57, 0.11 and 0."""
-
-ANGLES_RAD: tuple[float, ...] = (0.2, 0.5, 0.8)
-AXES: tuple[SingleAxis, ...] = ("x", "rotation")
-
-TOLERANCE = 0.01
-"""How far the ends of a bisected interval are apart, relative."""
 
 RATES_AT = (0.9, 1.1)
 """Where growth rates are compared, as parts of the simulated onset: unstable and stable."""
 
-_BRACKET, _WIDENINGS, _SMALLER = 1.3, 8, 0.05
+_SMALLER = 0.05
+
+CRITERION = f"second half, threshold of {AGREEING} runs, step {STEP}, rates at {RATES_AT}"
+"""In every case's key: what was found by another criterion is not taken for this one's."""
 
 _Task = tuple[str, Scenario, SingleAxis, float, float]
 """Key, a digest of everything that the case depends on; scenario, axis, angle and ray."""
@@ -43,20 +40,17 @@ _Task = tuple[str, Scenario, SingleAxis, float, float]
 
 def onset_study(
     scenario: Scenario,
+    points: Sequence[Point],
     *,
-    rays: Sequence[float] = RAYS_PER_S,
-    angles: Sequence[float] = ANGLES_RAD,
-    axes: Sequence[SingleAxis] = AXES,
     workers: int | None = None,
     folder: Path | None = None,
     on_run: Callable[[int, int, Case | None], None] = lambda *_: None,
 ) -> OnsetStudy:
-    """Bisect the simulated onset on every ray k/b [1/s], at every angle [rad], for every axis.
+    """Find the simulated onset of every case, with and without the joints' dry friction.
 
-    Each also without the joints' dry friction. ``workers`` processes at most, by default as many
-    as there are cores. With a ``folder`` every case is kept there as soon as it is found, and what
-    is there already of the same scenario is not done again. ``on_run`` as
-    :meth:`dualbend.study.engine.Study.run` has it.
+    ``workers`` processes at most, by default as many as there are cores. With a ``folder`` every
+    case is kept there as soon as it is found, and what is there already of the same scenario is not
+    done again. ``on_run`` as :meth:`dualbend.study.engine.Study.run` has it.
 
     Raises InputError where there is nothing to study, a ray or angle is no positive number, the
     scenario has no such axis, an onset is not found, or the folder cannot be written.
@@ -66,7 +60,7 @@ def onset_study(
             f"--validate: scenario {scenario.name!r} has compliance beyond the paper (schedule, "
             "reference, fusion or predictor): rays in (b, k) say nothing of it"
         )
-    tasks = _tasks(scenario, rays, angles, axes)
+    tasks = _tasks(scenario, points)
     study = Study(
         design=list(tasks), task=tasks.__getitem__, run_one=work, key=lambda case: case.key
     )
@@ -79,28 +73,19 @@ def onset_study(
     return OnsetStudy(scenario=scenario.name, cases=tuple(cases))
 
 
-def _tasks(
-    scenario: Scenario,
-    rays: Sequence[float],
-    angles: Sequence[float],
-    axes: Sequence[SingleAxis],
-) -> dict[str, _Task]:
-    for name, values in (("rays", rays), ("angles", angles), ("axes", axes)):
-        if not values:
-            raise InputError(f"{name}: none given, nothing to study")
-    for name, numbers in (("rays", rays), ("angles", angles)):
-        for value in numbers:
-            if not 0.0 < value < math.inf:
-                raise InputError(f"{name}: {value!r} must be positive and finite")
+def _tasks(scenario: Scenario, points: Sequence[Point]) -> dict[str, _Task]:
+    if not points:
+        raise InputError("points: none given, nothing to study")
     if not scenario.compliance.complying:
         raise InputError("compliance.complying = []: no compliance, nothing to study")
     found = {}
-    for axis, alpha, ray in itertools.product(axes, map(float, angles), map(float, rays)):
+    for axis, alpha, ray in points:
+        for name, value in (("ray", ray), ("angle", alpha)):
+            if not 0.0 < value < math.inf:
+                raise InputError(f"{name}: {value!r} must be positive and finite")
         # Refuses here, and not in a process, an axis that is off and an angle without room.
         held_at = held(scenario, axis, alpha, (1.0, ray))
-        # "True": also without friction, which was a choice when the first folders were written.
-        text = f"{held_at.to_toml()}True{TOLERANCE}{RATES_AT}"
-        key = hashlib.sha256(text.encode()).hexdigest()[:16]
+        key = hashlib.sha256(f"{held_at.to_toml()}{CRITERION}".encode()).hexdigest()[:16]
         found[key] = (key, scenario, axis, alpha, ray)
     return found
 
@@ -123,11 +108,11 @@ def _refuse_strangers(tasks: Mapping[str, _Task], cases: Sequence[Case]) -> None
 def work(
     key: str, scenario: Scenario, axis: SingleAxis, alpha_rad: float, ratio_per_s: float
 ) -> Case:
-    """Predict and bisect one case."""
+    """Predict and simulate one case."""
     ray = RayLoop(scenario, axis, alpha_rad, ratio_per_s)
     predicted = ray.predict()
     simulated, frictionless = (
-        _bisected(ray, axis, predicted.sampled, friction=friction) for friction in (True, False)
+        _simulated(ray, axis, predicted.sampled, friction=friction) for friction in (True, False)
     )
     return Case(
         key=key,
@@ -138,66 +123,42 @@ def work(
         delayed_b=predicted.delayed,
         sampled_b=predicted.sampled,
         sampled_hz=predicted.frequency_hz,
-        same_gains_hz=ray.mode(simulated.unstable_b).frequency_hz,
+        same_gains_hz=ray.mode(simulated.growing_b).frequency_hz,
         simulated=simulated,
         frictionless=frictionless,
     )
 
 
-def _bisected(ray: RayLoop, axis: SingleAxis, guess: float, *, friction: bool) -> Simulated:
+def _simulated(ray: RayLoop, axis: SingleAxis, guess: float, *, friction: bool) -> Simulated:
     seen: dict[float, Oscillation] = {}
 
-    def run(b: float) -> Oscillation:
+    def grows(b: float) -> bool:
         seen[b] = oscillate(ray.held(b), axis, friction=friction)
-        return seen[b]
+        return seen[b].grows
 
-    low, high = bracketed(lambda b: run(b).grows, guess)
-    onset = math.sqrt(low * high)
+    found = threshold(grows, guess)
+    nearest = min((b for b in seen if seen[b].grows), key=lambda b: abs(math.log(b / found.b)))
     # Without friction a small disturbance has more room to grow before the bound.
     small = 1.0 if friction else _SMALLER
     after = [
-        oscillate(ray.held(part * onset, small if part < 1.0 else 1.0), axis, friction=friction)
+        oscillate(ray.held(part * found.b, small if part < 1.0 else 1.0), axis, friction=friction)
         for part in RATES_AT
     ]
     rates = tuple(
         Rate(
-            b=part * onset,
-            predicted_per_s=ray.mode(part * onset).growth_per_s,
-            simulated_per_s=finite(found.growth_per_s),
+            b=part * found.b,
+            predicted_per_s=ray.mode(part * found.b).growth_per_s,
+            simulated_per_s=finite(run.growth_per_s),
         )
-        for part, found in zip(RATES_AT, after, strict=True)
+        for part, run in zip(RATES_AT, after, strict=True)
     )
     return Simulated(
-        b=onset,
-        unstable_b=low,
-        stable_b=high,
-        frequency_hz=finite(seen[low].frequency_hz),
+        b=found.b,
+        unstable_b=found.unstable,
+        stable_b=found.stable,
+        growing_b=nearest,
+        frequency_hz=finite(seen[nearest].frequency_hz),
         residual=finite(after[-1].final),
         rates=rates,
-        runs=len(seen) + len(after),
+        runs=found.runs + len(after),
     )
-
-
-def bracketed(
-    grows: Callable[[float], bool], guess: float, tolerance: float = TOLERANCE
-) -> tuple[float, float]:
-    """Return b that grows and, 1 % above, b that does not; the guess is only where to begin.
-
-    Raises InputError where no change is found within a factor of eight.
-    """
-    oscillates = grows(guess)
-    last = guess
-    for _ in range(_WIDENINGS):
-        beyond = last * _BRACKET if oscillates else last / _BRACKET
-        if grows(beyond) != oscillates:
-            break
-        last = beyond
-    else:
-        low, high = sorted((guess, beyond))
-        found = "all oscillate" if oscillates else "none oscillates"
-        raise InputError(f"no onset between b = {low:.3g} and {high:.3g}: {found}")
-    low, high = sorted((last, beyond))
-    while high > low * (1.0 + tolerance):
-        middle = math.sqrt(low * high)
-        low, high = (middle, high) if grows(middle) else (low, middle)
-    return low, high
