@@ -27,7 +27,7 @@ from dualbend.stability.gains import Gains, Knob, knobs, turned
 from dualbend.stability.plant.environment import environments
 from dualbend.stability.prediction import predict
 from dualbend.stability.search import Margin, Search, min_margin, places, with_compliance
-from dualbend.stability.tuning import Outcome, Tuning, surpasses, tune, write_scenario
+from dualbend.stability.tuning import Name, Outcome, Tuning, surpasses, tune, write_scenario
 from support.scripts import load_script
 
 REQUIRED = Margin(gain_db=6.0, phase_deg=30.0)
@@ -207,6 +207,8 @@ def test_a_peak_above_the_bound_is_not_taken(monkeypatch: pytest.MonkeyPatch) ->
         ("noise", "the noise of the sensor"),
         ("delay", "the delay"),
         ("force", "the end force of the right path"),
+        ("peak", "the peak"),
+        ("step", "the steps of the search alone"),
         ("nothing", "nothing"),
     ],
 )
@@ -222,14 +224,14 @@ def test_the_limit_is_what_has_to_go_before_more_compliance_pays(
             "noise": scenario.sensor.force_noise_n > 0.0,
             "delay": scenario.robot.alter.delay_cycles > 0,
             "force": True,
-            "nothing": False,
-        }[grows_by]
+        }.get(grows_by, False)
         slope = -1.0 if hurts else (0.0 if grows_by == "nothing" else 1.0)
-        return np.array([2.0 + slope * axis.k / 1e3, 1.0]), ""
+        peak = 1.0 - axis.k / 1e6 if grows_by == "peak" else 1.0
+        return np.array([2.0 + slope * axis.k / 1e3, peak]), ""
 
     monkeypatch.setattr(limits, "simulate", made_up)
     scenario = load_scenario("fig8")
-    said = limits.limit(scenario, scenario.compliance, "x", REQUIRED, 1)
+    said = limits.limit(scenario, scenario.compliance, "x", REQUIRED, (1, 2))
     assert said.startswith(words)
 
 
@@ -241,7 +243,7 @@ def test_the_margin_is_the_limit_where_more_compliance_has_none() -> None:
     """
     scenario = load_scenario("fig8")
     wanted = Margin(gain_db=18.0, phase_deg=30.0)
-    said = limits.limit(scenario, scenario.compliance, "x", wanted, 1)
+    said = limits.limit(scenario, scenario.compliance, "x", wanted, (1, 2))
     found = re.match(r"the margin: 1.6 times as compliant it is (\d+\.\d) dB", said)
     assert found is not None
     assert 14.5 < float(found[1]) < 19.07 - 20.0 * math.log10(1.6)
@@ -327,7 +329,10 @@ def test_progress_never_goes_back_and_ends_at_all(
     assert told[-1] == 1.0
 
 
-def made_up(name: str, **margins: float) -> Tuning:
+_SIZES: tuple[tuple[Name, float], ...] = (("own", 0.03), ("tuned", 0.01))
+
+
+def made_up(name: Name, **margins: float) -> Tuning:
     scenario = load_scenario("fig8")
     none = Outcome(
         name="none", compliance=NoComplianceConfig(), margin=WIDE, moments=np.full((3, 2), 0.04)
@@ -339,9 +344,9 @@ def made_up(name: str, **margins: float) -> Tuning:
             margin=Margin(**{"gain_db": 7.25, "phase_deg": 40.0, **margins}),
             moments=np.full((3, 2), size),
         )
-        for which, size in (("own", 0.03), ("tuned", 0.01))
+        for which, size in _SIZES
     )
-    outcomes = {each.name: each for each in (none, own, tuned)}
+    outcomes: dict[Name, Outcome] = {each.name: each for each in (none, own, tuned)}
     compliance = outcomes[name].compliance
     return Tuning(
         scenario=msgspec.structs.replace(scenario, name="fig8-tuned", compliance=compliance),
@@ -354,7 +359,7 @@ def made_up(name: str, **margins: float) -> Tuning:
 
 
 @pytest.mark.parametrize("name", ["none", "own", "tuned"])
-def test_what_is_written_is_what_was_chosen(tmp_path: Path, name: str) -> None:
+def test_what_is_written_is_what_was_chosen(tmp_path: Path, name: Name) -> None:
     found = made_up(name)
     file = tmp_path / "found.toml"
     write_scenario(found, "fig8", file)

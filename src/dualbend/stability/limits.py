@@ -8,7 +8,7 @@ sensor, then also without delay: what has to go before the step pays is the limi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import msgspec
@@ -25,6 +25,7 @@ from dualbend.stability.search import (
     simulate,
     with_compliance,
 )
+from dualbend.types import Vector
 
 MORE = 1.6
 """How many times as compliant an axis is made, to see what that costs."""
@@ -37,7 +38,7 @@ def limit(
     found: ComplianceConfig,
     axis: Literal["x", "rotation"],
     required: Margin,
-    seed: int,
+    seeds: Sequence[int],
 ) -> str:
     """Return what keeps an axis from being more compliant than it was found, as a sentence."""
     assert not isinstance(found, NoComplianceConfig)
@@ -47,23 +48,37 @@ def limit(
     margin = min_margin(softer, places(softer))
     if not margin.fulfils(required):
         return f"the margin: {MORE:g} times as compliant it is {said(margin)}"
-    here = _rms(scenario, found, seed), _rms(scenario, more, seed)
-    if not math.isfinite(here[1]):
+    changed = _changed(scenario, found, more, seeds)
+    rms, peak = 100.0 * changed.mean(axis=0)
+    if not math.isfinite(rms):
         return f"the arms: {MORE:g} times as compliant a run does not end as it should"
-    if abs(here[1] / here[0] - 1.0) < _NOTICEABLE:
+    if abs(rms) < 100.0 * _NOTICEABLE:
         return f"nothing: {MORE:g} times as compliant the moment is the same"
-    quiet, prompt = _without_noise(scenario), _without_delay(_without_noise(scenario))
+    if (changed[:, 0] < 0.0).all():
+        what = "the peak" if peak > 0.0 else "the steps of the search alone"
+        return (
+            f"{what}: {MORE:g} times as compliant the rms is {rms:+.2g} %, the peak {peak:+.2g} %"
+        )
+    quiet = _without_noise(scenario)
     for where, words in (
         (quiet, "the noise of the sensor: without it"),
-        (prompt, "the delay: without it (and without noise)"),
+        (_without_delay(quiet), "the delay: without it (and without noise)"),
     ):
-        before, after = (_rms(where, gains, seed) for gains in (found, more))
-        if after < before:
-            by = 100.0 * (1.0 - after / before)
-            return f"{words} {MORE:g} times the compliance would lower the rms by {by:.2g} %"
+        by = 100.0 * float(_changed(where, found, more, seeds[:1])[0, 0])
+        if by < 0.0:
+            return f"{words} {MORE:g} times the compliance would lower the rms by {-by:.2g} %"
     yields = axis == "x" and not scenario.compliance.reference
     what = "the end force of the right path, to which it yields" if yields else "the robot's lag"
     return f"{what}: even without noise and delay more compliance raises the rms"
+
+
+def _changed(scenario: Scenario, before: Gains, after: Gains, seeds: Sequence[int]) -> Vector:
+    """Return by which part rms and peak change (seeds, 2) from one compliance to another."""
+    old, new = (
+        np.array([simulate(with_compliance(scenario, gains), seed)[0] for seed in seeds])
+        for gains in (before, after)
+    )
+    return np.asarray(new / old - 1.0)
 
 
 def said(margin: Margin) -> str:
@@ -92,10 +107,6 @@ def beginning(scenario: Scenario, compliance: Gains) -> Iterator[str]:
         f"{100.0 * share:.0f} % of the mean square of the moment are over when the compliance "
         f"begins, at {first:g} rad{peak}"
     )
-
-
-def _rms(scenario: Scenario, compliance: ComplianceConfig, seed: int) -> float:
-    return float(simulate(with_compliance(scenario, compliance), seed)[0][0])
 
 
 def _without_noise(scenario: Scenario) -> Scenario:

@@ -187,8 +187,7 @@ def tune(
     found, better = _compared(scenario, trials, outcomes, required, seeds)
     on_progress(_SEARCH + (1.0 - _SEARCH) / 2.0)
     limits = [
-        f"{axis} is limited by "
-        + limit(scenario, found.compliance, axis, required, SEARCH_SEEDS[0])
+        f"{axis} is limited by " + limit(scenario, found.compliance, axis, required, SEARCH_SEEDS)
         for axis in acting_axes(start, scenario.path.end_rad)
     ]
     on_progress(1.0)
