@@ -137,6 +137,8 @@ def _reach(low: float, high: float) -> Vector:
 
 def gain_units(config: ComplianceConfig, axis: Literal["x", "rotation"]) -> tuple[str, str]:
     """Return the units of b and k."""
+    if config.units == "sheet":
+        return "s", "1"
     length, si, load = ("mm", "m", "N") if axis == "x" else ("deg", "rad", "N m")
     unit = length if config.units == "paper" else si
     return f"{load} s/{unit}", f"{load}/{unit}"

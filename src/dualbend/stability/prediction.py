@@ -50,14 +50,13 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     growth_per_s: float
     frequency_hz: float
     damping_ratio: float
-    gain_margin: float
     gain_margin_db: float
     phase_margin_deg: float
     delay_margin_s: float
     crossover_hz: float
     paper_stable: bool
     delayed_stable: bool
-    delayed_gain_margin: float
+    delayed_gain_margin_db: float
 
 
 class Prediction(msgspec.Struct, frozen=True, kw_only=True):
@@ -100,7 +99,7 @@ def predict(scenario: Scenario, axis: AxisName = "coupled") -> Prediction:
         verdict="unstable" if ranges else "stable",
         reason=(
             f"worst at {worst.alpha_rad:.2f} rad: {worst.frequency_hz:.2f} Hz, {rate} rate "
-            f"{abs(worst.growth_per_s):.2f} 1/s, gain margin {worst.gain_margin:.3g}"
+            f"{abs(worst.growth_per_s):.2f} 1/s, gain margin {worst.gain_margin_db:.1f} dB"
         ),
         unstable_rad=ranges,
         rows=rows,
@@ -141,7 +140,7 @@ def evaluate(elements: LoopElements, at: Environment, axis: AxisName) -> Row:
     each = {name: k for name, k, acts in every if acts}
     plain = elements.plain(at.alpha_rad)
     delayed = [
-        delayed_loop(plain, name, k, max(mode.frequency_hz, 0.1)).margins().gain
+        delayed_loop(plain, name, k, max(mode.frequency_hz, 0.1)).margins().gain_db
         for name, k in each.items()
     ]
     # An axis without any stiffness of the sheet has nothing to be softened.
@@ -159,14 +158,13 @@ def evaluate(elements: LoopElements, at: Environment, axis: AxisName) -> Row:
         softening_rotation=float(softening[1]),
         stable=mode.stable,
         **asdict(mode),
-        gain_margin=found.gain,
         gain_margin_db=found.gain_db,
         phase_margin_deg=math.degrees(found.phase_rad),
         delay_margin_s=found.delay_s,
         crossover_hz=found.crossover_hz,
         paper_stable=all(paper_loop(plain, name, k).routh_stable for name, k in each.items()),
-        delayed_stable=min(delayed) > 1.0,
-        delayed_gain_margin=min(delayed),
+        delayed_stable=min(delayed) > 0.0,
+        delayed_gain_margin_db=min(delayed),
     )
 
 

@@ -1,32 +1,49 @@
-"""Gains with the lowest predicted moment at required margins, verified by simulation."""
+"""Gains with the least simulated moment at required margins, compared with what there was before.
+
+The search simulates with noise of its own seeds. Then three controllers are simulated with other
+seeds: none, the scenario's own and the one found. The found one is returned only if it is better
+than both by more than the noise of a run could be.
+"""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
 import tomli_w
 
-from dualbend.control.compliance.admittance import AxisConfig, ModelAdmittanceConfig
+from dualbend.control.compliance.admittance import (
+    AxisConfig,
+    ComplianceConfig,
+    ModelAdmittanceConfig,
+    NoComplianceConfig,
+)
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
 from dualbend.errors import InputError, writing
-from dualbend.evaluation.metrics import peak_by_piece
 from dualbend.files import write_whole
-from dualbend.run.known_sheet import make_admittance
-from dualbend.run.make import make_run
+from dualbend.run.record import task_of
 from dualbend.scenario.scenario import Scenario, without_none
-from dualbend.stability.margins import loop_margins
-from dualbend.stability.path_prediction import PathPrediction
-from dualbend.stability.plant.environment import Environment, environments
+from dualbend.scene.sheet.strips import StripConfig
+from dualbend.stability.gains import Gains, acting_axes
+from dualbend.stability.limits import beginning, limit
 from dualbend.stability.prediction import predict
-from dualbend.stability.sampled import LoopElements, environment_loops
+from dualbend.stability.search import (
+    MOST_TRIES,
+    UNSTABLE,
+    Margin,
+    Search,
+    Trial,
+    simulate,
+    with_compliance,
+)
+from dualbend.types import Vector
 
 BEYOND_THE_PAPER = ModelAdmittanceConfig(
     units="sheet",
@@ -37,196 +54,223 @@ BEYOND_THE_PAPER = ModelAdmittanceConfig(
     fusion=FusionConfig(moment_error_nm=0.01),
     predictor=PredictorConfig(lead_x_s=0.021, lead_until_rad=0.6),
 )
-"""Where the search starts for a scenario without a schedule."""
+"""Where the search starts for a scenario without a compliance."""
 
-_STEPS = (1.6, 1.25, 1.1)
-"""Factors by which the gains are changed, one after the other."""
+SEARCH_SEEDS = (1_000_001, 1_000_002)
+"""Of the search's noise: hardly those with which a result is looked at."""
 
-_SMALLEST_S, _LARGEST_S = 2e-3, 2.0
-_ANGLE_STEP_RAD = 0.1
+_LOOKED_AT = 3
+_SEARCH = 0.8
+"""Its share of the time, about."""
 
+_DEVIATIONS = 3.0
+"""Standard deviations between two runs. With five seeds a further run is worse in 3 % of cases."""
 
-class Margin(msgspec.Struct, frozen=True, kw_only=True):
-    """The smallest margins along the path: gain [dB], phase [degrees]; both −inf where unstable."""
+_STRIPS = "simulated with strips as stiff as a plate: a shell takes 180 times as long"
 
-    gain_db: float
-    phase_deg: float
-
-    def fulfils(self, required: Margin) -> bool:
-        """Neither is below what is required."""
-        return self.gain_db >= required.gain_db and self.phase_deg >= required.phase_deg
+Name = Literal["none", "own", "tuned"]
+SAID = {"none": "no compliance", "own": "the scenario's own", "tuned": "tuned"}
 
 
-_UNSTABLE = Margin(gain_db=-math.inf, phase_deg=-math.inf)
+class Outcome(msgspec.Struct, frozen=True, kw_only=True):
+    """A controller, what it simulates with every seed of the comparison, and its margins.
 
+    ``moments`` (seeds, 2): rms and peak of the moment while the sheet is bent [N m]; ``stops``: how
+    runs ended that did not complete, whose moments are infinite.
+    """
 
-class Candidate(msgspec.Struct, frozen=True, kw_only=True):
-    """Gains, their margins and the predicted peaks of the pieces [N m], means over the seeds."""
-
-    compliance: ModelAdmittanceConfig
+    name: Name
+    compliance: ComplianceConfig
     margin: Margin
-    peaks: tuple[float, ...]
+    moments: Vector
+    stops: tuple[str, ...] = ()
 
     @property
-    def cost(self) -> float:
-        """Sum of the pieces' peaks [N m]: a single piece cannot hide the others."""
-        return sum(self.peaks)
+    def rms_nm(self) -> float:
+        """Mean rms of the moment [N m]."""
+        return float(self.moments[:, 0].mean())
+
+    @property
+    def peak_nm(self) -> float:
+        """Mean peak of the moment [N m]."""
+        return float(self.moments[:, 1].mean())
 
 
 class Tuning(msgspec.Struct, frozen=True, kw_only=True):
-    """The result of a search, and of the simulation with it.
+    """The result: the scenario with the best controller, and how all of them compare.
 
-    ``without``: predicted peaks by piece without compliance; ``simulated``: peaks by piece, one row
-    per seed; ``verified``: the margins that `dualbend stability` predicts for the result.
+    ``outcomes``: none, the scenario's own where it has one, and the best found, which is there also
+    where it is not better; ``limits``: what keeps that from doing more, in sentences.
     """
 
     scenario: Scenario
-    found: Candidate
+    required: Margin
+    chosen: Outcome
+    outcomes: tuple[Outcome, ...]
+    limits: tuple[str, ...]
     tried: int
-    without: tuple[float, ...]
-    simulated: tuple[tuple[float, ...], ...]
-    verified: Margin
+
+    @property
+    def found(self) -> Outcome:
+        """The best gains found with the required margins, also where they are not the result."""
+        return self.outcomes[-1]
+
+    @property
+    def verdict(self) -> str:
+        """What the simulation says of the result, in one sentence."""
+        if self.chosen is self.found:
+            parts = [
+                f"{100.0 * (1.0 - self.found.rms_nm / other.rms_nm):.2g} % below {SAID[other.name]}"
+                for other in self.outcomes[:-1]
+                if not other.stops
+            ]
+            alone = "the only one whose runs end as they should"
+            return f"tuned: the rms is {' and '.join(parts)}" if parts else f"tuned: {alone}"
+        lacks = (
+            ""
+            if self.chosen.margin.fulfils(self.required)
+            else ", although its margins are below the required ones"
+        )
+        return (
+            f"{SAID[self.chosen.name]} stays{lacks}: no gains with these margins were found that "
+            "are better by more than the noise of a run"
+        )
 
 
-def tune(scenario: Scenario, *, required: Margin, seeds: Sequence[int] = (1, 2, 3)) -> Tuning:
-    """Search the time constants of a scenario's compliance.
+def surpasses(new: Vector, old: Vector) -> bool:
+    """Return whether moments (seeds, 2) are smaller in rms and not larger in peak, for certain.
 
-    The scenario's own compliance is the start where it has a schedule, else `BEYOND_THE_PAPER`.
-    b of both axes and the leads that are given are changed one after the other by factors; gains
-    with less than the required margins are not taken.
-
-    Raises InputError where not even slower gains have the required margins.
+    The mean of ln(old/new), seed by seed, is at least 3 of its standard deviations above 0; that
+    of the peaks may be 0, since a peak before the compliance begins is the same to the bit.
     """
-    given = scenario.compliance
-    compliance = msgspec.structs.replace(
-        BEYOND_THE_PAPER, sensing=given.sensing, complying=given.complying
+    if not np.isfinite(new).all():
+        return False
+    if not np.isfinite(old).all():
+        return True
+    gained = np.log(old / new)
+    rms, peak = gained.mean(axis=0) - _DEVIATIONS * gained.std(axis=0, ddof=1)
+    return bool(rms > 0.0 and peak >= -1e-9)
+
+
+def tune(
+    scenario: Scenario,
+    *,
+    required: Margin,
+    seeds: int = 5,
+    on_progress: Callable[[float], None] = lambda _: None,
+) -> Tuning:
+    """Search the gains of a scenario's compliance; form, units and everything else stay.
+
+    Where no axis is on the start is `BEYOND_THE_PAPER`. ``seeds``: how many runs, from the
+    scenario's seed on, compare the controllers; ``on_progress`` is told the share that is done.
+
+    Raises InputError where nothing complies along the path, or the loop cannot be predicted.
+    """
+    given, scenario = scenario, _with_strips(scenario)
+    own = _own(scenario)
+    start = own or msgspec.structs.replace(
+        BEYOND_THE_PAPER,
+        sensing=scenario.compliance.sensing,
+        complying=scenario.compliance.complying,
     )
-    if isinstance(given, ModelAdmittanceConfig) and given.schedule:
-        compliance = given
-    start = msgspec.structs.replace(scenario, compliance=compliance)
-    search = _Search(start, required, seeds)
-    found = search.run()
-    tuned = msgspec.structs.replace(
-        start, name=f"{scenario.name}-tuned", compliance=found.compliance
+    outcomes = [_outcome("none", scenario, NoComplianceConfig(sensing=start.sensing), seeds)]
+    if own:
+        outcomes.append(_outcome("own", scenario, own, seeds))
+    search = Search(
+        scenario=scenario,
+        required=required,
+        seeds=SEARCH_SEEDS,
+        peak_nm=min(outcome.peak_nm for outcome in outcomes),
+        on_try=lambda tried: on_progress(_SEARCH * tried / MOST_TRIES),
     )
-    rows, verified = predict(tuned).rows, _UNSTABLE
-    if all(row.stable for row in rows):
-        verified = Margin(
-            gain_db=min(row.gain_margin_db for row in rows),
-            phase_deg=min(row.phase_margin_deg for row in rows),
-        )
+    trials = search.run(start)
+    found, better = _compared(scenario, trials, outcomes, required, seeds)
+    on_progress(_SEARCH + (1.0 - _SEARCH) / 2.0)
+    limits = [
+        f"{axis} is limited by " + limit(scenario, found.compliance, axis, required, SEARCH_SEEDS)
+        for axis in acting_axes(start, scenario.path.end_rad)
+    ]
+    on_progress(1.0)
+    chosen = found if better else min(outcomes, key=lambda outcome: outcome.rms_nm)
     return Tuning(
-        scenario=tuned,
-        found=found,
+        scenario=msgspec.structs.replace(
+            with_compliance(given, chosen.compliance), name=f"{given.name}-tuned"
+        ),
+        required=required,
+        chosen=chosen,
+        outcomes=(*outcomes, found),
+        limits=(*limits, *beginning(scenario, start), *([_STRIPS] if given != scenario else [])),
         tried=search.tried,
-        without=tuple(search.path.peaks(None, search.noises[0]).tolist()),
-        simulated=tuple(_simulated(tuned, seed) for seed in seeds),
-        verified=verified,
     )
 
 
-def _simulated(scenario: Scenario, seed: int) -> tuple[float, ...]:
-    result = make_run(msgspec.structs.replace(scenario, seed=seed)).run()
-    if result.outcome != "completed":
-        raise InputError(f"the simulation with the gains found ended as {result.outcome}")
-    return tuple(peak_by_piece(result))
+def _with_strips(scenario: Scenario) -> Scenario:
+    """Return the scenario with strips, of the stiffness of a plate, in the place of a shell."""
+    sheet = scenario.sheet
+    if isinstance(sheet.model, StripConfig):
+        return scenario
+    sheet = msgspec.structs.replace(sheet, model=StripConfig(), rigidity="plate")
+    return msgspec.structs.replace(scenario, sheet=sheet)
 
 
-class _Search:
-    """Coordinate search: change one gain after the other as long as the cost falls."""
-
-    def __init__(self, scenario: Scenario, required: Margin, seeds: Sequence[int]) -> None:
-        self.scenario, self.required, self.tried = scenario, required, 0
-        self.path = PathPrediction(scenario)
-        self.noises = [self.path.noise(seed) for seed in seeds]
-        # Of the start's gains: with a force reference the equilibrium hardly depends on them.
-        first, last = scenario.path.start_rad, scenario.path.end_rad
-        count = math.ceil((last - first) / _ANGLE_STEP_RAD) + 1
-        angles = sorted({*np.linspace(first, last, count).tolist(), min(first + 0.05, last)})
-        self._places = environments(scenario, angles)
-
-    def run(self) -> Candidate:
-        """Return the best candidate."""
-        best = self._first()
-        for factor in _STEPS:
-            better = True
-            while better:
-                better = False
-                for name in _knobs(best.compliance):
-                    for by in (1.0 / factor, factor):
-                        tried = self._try(_turned(best.compliance, name, by))
-                        if tried and tried.margin.fulfils(self.required) and tried.cost < best.cost:
-                            best, better = tried, True
-                            break
-        return best
-
-    def _first(self) -> Candidate:
-        """Return the start, slowed down until it has the margins."""
-        compliance = self.scenario.compliance
-        assert isinstance(compliance, ModelAdmittanceConfig)
-        for _ in range(12):
-            tried = self._try(compliance)
-            if tried is not None and tried.margin.fulfils(self.required):
-                return tried
-            for name in _knobs(compliance):
-                compliance = _turned(compliance, name, _STEPS[0]) or compliance
+def _own(scenario: Scenario) -> Gains | None:
+    """Return the scenario's own compliance, None where it has no axis."""
+    if "rms_moment" not in task_of(scenario).part("tolerances"):
         raise InputError(
-            f"no gains have {self.required.gain_db:g} dB and {self.required.phase_deg:g} degrees "
-            "of margin along this path; ask for less or let the compliance begin later"
+            f"task.kind = {scenario.task.kind!r}: its runs have no rms_moment, which tune makes "
+            "small; a bending run has"
         )
-
-    def _try(self, compliance: ModelAdmittanceConfig | None) -> Candidate | None:
-        if compliance is None:
-            return None
-        scenario = msgspec.structs.replace(self.scenario, compliance=compliance)
-        margin = min_margin(scenario, self._places)
-        peaks: tuple[float, ...] = ()
-        if margin.fulfils(self.required):
-            each = [self.path.peaks(make_admittance(scenario), noise) for noise in self.noises]
-            peaks = tuple(np.mean(each, axis=0).tolist())
-        self.tried += 1
-        return Candidate(compliance=compliance, margin=margin, peaks=peaks)
-
-
-def min_margin(scenario: Scenario, places: Sequence[Environment]) -> Margin:
-    """Return the smallest margins of the sampled loop at places of the path."""
-    elements = LoopElements.from_scenario(scenario)
-    gain, phase = math.inf, math.inf
-    for at in places:
-        acting = elements.acting("coupled", at.alpha_rad)
-        if not any(acting):
-            continue
-        for loop in environment_loops(elements, at, acting).values():
-            if not (loop.mode().stable and loop.controller_stable):
-                return _UNSTABLE
-            found = loop_margins(loop, stable=True)
-            gain, phase = min(gain, found.gain_db), min(phase, math.degrees(found.phase_rad))
-    return Margin(gain_db=gain, phase_deg=phase)
-
-
-def _knobs(config: ModelAdmittanceConfig) -> dict[str, float]:
-    """Return what the search changes of a compliance: times [s] by section and key."""
-    found: dict[str, float] = {}
-    for knob in ("x.b", "rotation.b", "predictor.lead_x_s", "predictor.lead_rotation_s"):
-        section, key = knob.split(".")
-        value = getattr(getattr(config, section), key, None)
-        if value is not None:
-            found[knob] = value
-    return found
-
-
-def _turned(
-    config: ModelAdmittanceConfig, knob: str, factor: float
-) -> ModelAdmittanceConfig | None:
-    """Return a compliance with one time multiplied; None where that leaves the range."""
-    section, key = knob.split(".")
-    part = getattr(config, section)
-    value = float(f"{getattr(part, key) * factor:.3g}")
-    if not _SMALLEST_S <= value <= _LARGEST_S:
+    config, end = scenario.compliance, scenario.path.end_rad
+    if not config.complying:
+        raise InputError("compliance.complying = []: no arm complies, so there is nothing to tune")
+    if isinstance(config, NoComplianceConfig) or not (config.x or config.rotation):
         return None
-    return msgspec.structs.replace(
-        config, **{section: msgspec.structs.replace(part, **{key: value})}
+    if not acting_axes(config, end):
+        first = min(axis.from_alpha_rad for axis in (config.x, config.rotation) if axis)
+        raise InputError(
+            f"compliance: it begins at {first:g} rad, where the path has ended ({end:g} rad): "
+            "nothing to tune; let from_alpha_rad be smaller"
+        )
+    return config
+
+
+def _outcome(name: Name, scenario: Scenario, compliance: ComplianceConfig, seeds: int) -> Outcome:
+    """Simulate a controller with every seed of the comparison, and predict its margins."""
+    with_it = with_compliance(scenario, compliance)
+    rows, margin = predict(with_it).rows, UNSTABLE
+    if all(row.stable for row in rows):
+        margin = Margin(
+            gain_db=min((row.gain_margin_db for row in rows), default=math.inf),
+            phase_deg=min((row.phase_margin_deg for row in rows), default=math.inf),
+        )
+    # What does not listen to the sensor has the same moment with every seed.
+    listens = name != "none"
+    each = [simulate(with_it, scenario.seed + i) for i in range(seeds if listens else 1)]
+    return Outcome(
+        name=name,
+        compliance=compliance,
+        margin=margin,
+        moments=np.array([found for found, _ in (each if listens else each * seeds)]),
+        stops=tuple(words for _, words in each if words),
     )
+
+
+def _compared(
+    scenario: Scenario,
+    trials: Sequence[Trial],
+    outcomes: Sequence[Outcome],
+    required: Margin,
+    seeds: int,
+) -> tuple[Outcome, bool]:
+    """Return the best trial that is better than all outcomes, else the best one, and whether."""
+    found = []
+    for trial in trials[:_LOOKED_AT]:
+        found.append(_outcome("tuned", scenario, trial.compliance, seeds))
+        if found[-1].margin.fulfils(required) and all(
+            surpasses(found[-1].moments, other.moments) for other in outcomes
+        ):
+            return found[-1], True
+    return found[0], False
 
 
 def write_scenario(tuning: Tuning, base: str, path: Path) -> None:
@@ -235,8 +279,8 @@ def write_scenario(tuning: Tuning, base: str, path: Path) -> None:
     table: dict[str, Any] = {
         "extends": extends,
         "name": tuning.scenario.name,
-        "description": f"{base} with gains found by dualbend tune",
-        "compliance": without_none(msgspec.to_builtins(tuning.found.compliance)),
+        "description": f"{base} as dualbend tune leaves it: {SAID[tuning.chosen.name]}",
+        "compliance": without_none(msgspec.to_builtins(tuning.chosen.compliance)),
     }
     with writing(path, "--out"):
         write_whole(path, tomli_w.dumps(table))

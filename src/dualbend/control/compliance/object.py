@@ -32,7 +32,9 @@ class ObjectComplianceConfig(Config):
     series. B is not set: it follows from that stiffness, the loop's delays and the margin.
     """
 
-    gain_margin: Annotated[float, said("of the loop, at every bending angle", gt=1, le=100)] = 4.0
+    gain_margin: Annotated[
+        float, said("of the loop at every bending angle, a factor: 4 is 12 dB", gt=1, le=100)
+    ] = 4.0
     deadband_n: Annotated[float, said("force below which nothing moves", ge=0, le=1e3)] = 0.1
     deadband_nm: Annotated[float, said("the same, moment about z", ge=0, le=1e3)] = 0.02
     seek_m_per_s: Annotated[float, said("least speed towards a pin, on its tip", ge=0, le=0.01)] = (

@@ -19,7 +19,7 @@ _ALONG: tuple[tuple[str, Axis, float, Colour, str], ...] = (
         *("growth_per_s", Axis("growth rate", "1/s"), 0.0, "orange"),
         "Above 0 an oscillation grows.",
     ),
-    ("gain_margin", Axis("gain margin", "1"), 1.0, "blue", "Below 1 the loop is unstable."),
+    ("gain_margin_db", Axis("gain margin", "dB"), 0.0, "blue", "Below 0 the loop is unstable."),
 )
 
 

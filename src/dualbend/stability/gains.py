@@ -1,0 +1,115 @@
+"""What a search changes of a compliance: static compliance and lag of each axis, and its model.
+
+An axis is a sampled lag C/(1 + τ s) with static compliance C and τ = b/k. The gain of the loop is
+proportional to C, so its gain margin is inversely proportional to it; the longer τ, the less noise
+passes and the later an error is answered. Both are times and ratios whatever the units of b and k
+are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple, TypeAlias
+
+import msgspec
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.compliance.admittance import (
+    AdmittanceConfig,
+    AxisConfig,
+    ComplianceConfig,
+    ModelAdmittanceConfig,
+)
+
+Gains: TypeAlias = AdmittanceConfig | ModelAdmittanceConfig
+
+SHORTEST_LAG_S, LONGEST_LAG_S = COMMAND_PERIOD_S / 5.0, 10.0
+"""Below the first, e^(−T/τ) < 0.007: shorter makes no difference."""
+
+_DIGITS = 4
+
+
+class Knob(NamedTuple):
+    """One number that a search changes: ``compliance`` or ``lag`` of an axis, or a model's key."""
+
+    part: str
+    key: str
+
+
+OF_THE_MODEL = {
+    Knob("predictor", "lead_x_s"): (2e-3, 0.5),
+    Knob("predictor", "lead_rotation_s"): (2e-3, 0.5),
+    Knob("predictor", "lead_until_rad"): (0.05, 4.0),
+    Knob("schedule", "from_rad"): (0.005, 1.0),
+}
+"""Keys of a compliance with a model that are searched where they are given, and their range."""
+
+
+def acting_axes(config: ComplianceConfig, end_rad: float) -> list[Literal["x", "rotation"]]:
+    """Return the axes of a compliance that act before a bending angle."""
+    names: tuple[Literal["x", "rotation"], ...] = ("x", "rotation")
+    given = {name: getattr(config, name) for name in names}
+    return [
+        name for name, axis in given.items() if axis is not None and axis.from_alpha_rad < end_rad
+    ]
+
+
+def knobs(config: Gains, end_rad: float) -> list[Knob]:
+    """Return what can be changed of a compliance that acts up to a bending angle."""
+    axes = acting_axes(config, end_rad)
+    found = [Knob(name, key) for key in ("compliance", "lag") for name in axes]
+    # A lead of 0 is none: there is nothing to multiply.
+    return found + [
+        knob for knob in OF_THE_MODEL if getattr(getattr(config, knob.part, None), knob.key, None)
+    ]
+
+
+def turned(config: Gains, knob: Knob, factor: float) -> Gains | None:
+    """Return a compliance with one number multiplied; None where that leaves its range."""
+    part = getattr(config, knob.part)
+    if knob in OF_THE_MODEL:
+        value = _moved(getattr(part, knob.key), factor, *OF_THE_MODEL[knob])
+        changed = value and msgspec.structs.replace(part, **{knob.key: _rounded(value)})
+    elif knob.key == "compliance":
+        changed = _scaled(part, 1.0 / factor, 1.0 / factor)
+    else:
+        lag = _moved(part.b / part.k, factor, SHORTEST_LAG_S, LONGEST_LAG_S)
+        changed = lag and with_lag(part, lag)
+    return msgspec.structs.replace(config, **{knob.part: changed}) if changed else None
+
+
+def _moved(value: float, factor: float, low: float, high: float) -> float | None:
+    """Return a number multiplied, from the nearest in its range; None where it leaves that."""
+    moved = min(max(value, low), high) * factor
+    return moved if low <= moved <= high else None
+
+
+def softened(config: Gains, factor: float) -> Gains:
+    """Return a compliance with the static compliance of both axes multiplied."""
+    parts = {name: getattr(config, name) for name in ("x", "rotation")}
+    return msgspec.structs.replace(
+        config,
+        **{name: _scaled(p, 1.0 / factor, 1.0 / factor) for name, p in parts.items() if p},
+    )
+
+
+def with_lag(axis: AxisConfig, lag_s: float) -> AxisConfig:
+    """Return an axis of the same static compliance with another lag b/k [s].
+
+    The static compliance is 1/k in the static form and proportional to 1/(b (1 − a)),
+    a = e^(−kT/b), in the other two.
+    """
+    if axis.form == "static":
+        return _scaled(axis, lag_s * axis.k / axis.b, 1.0)
+    before, after = (-math.expm1(-COMMAND_PERIOD_S / lag) for lag in (axis.b / axis.k, lag_s))
+    b = axis.b * before / after
+    return msgspec.structs.replace(axis, b=_rounded(b), k=_rounded(b / lag_s))
+
+
+def _scaled(axis: AxisConfig, of_b: float, of_k: float) -> AxisConfig:
+    return msgspec.structs.replace(axis, b=_rounded(axis.b * of_b), k=_rounded(axis.k * of_k))
+
+
+def _rounded(value: float) -> float:
+    """Return a number as a person would write it into a file."""
+    return float(f"{value:.{_DIGITS}g}")
