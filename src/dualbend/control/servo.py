@@ -14,7 +14,7 @@ import numpy as np
 
 from dualbend.types import Config, Vector, said
 
-Positive = Annotated[float, msgspec.Meta(ge=1e-3, le=1e8)]
+Positive = Annotated[float, msgspec.Meta(ge=1e-3, le=1e9)]
 
 _COULOMB_SPEED_RAD_PER_S = 1e-4
 """Reference speed at which most of the Coulomb friction is fed forward: smooths its sign."""
