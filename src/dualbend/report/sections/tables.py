@@ -81,6 +81,7 @@ def origin_section(run: RunRecord) -> Section:
         ("scenario", run.scenario.name),
         ("folder", str(run.folder)),
         ("outcome", ended(run)),
+        *([] if summary.run is None else [("run", summary.run.id)]),
         ("seed", summary.seed),
         ("controller", summary.controller or "the scenario's own"),
         ("cycles", run.trace.rows),
