@@ -140,6 +140,8 @@ def test_an_unreadable_trace_keeps_the_log_and_the_earlier_run(
         assert seed_of(tmp_path) == 1
         told = CliRunner().invoke(main, ["report", str(tmp_path)])
         assert f"a later run did not end; dualbend report {log.parent} shows it" in told.output
+        page = (tmp_path / "report.html").read_text(encoding="utf-8")
+        assert load_run(tmp_path).summary.run.id in page  # type: ignore[union-attr]
         output.write_numbers(result, kept)
     assert not log.exists()
     assert seed_of(tmp_path) == 2
