@@ -79,6 +79,18 @@ def test_an_abrupt_rise_that_then_stays_is_no_steady_oscillation_from_its_onset(
     assert of(size * np.cos(4.0 * math.pi * since)).growth_per_s is None
 
 
+def test_an_oscillation_held_by_its_bounds_has_a_frequency_and_no_rate() -> None:
+    """Rises by 9 1/s and is cut off: a wave with harmonics, whose amplitude is the bounds'."""
+    since = times(10.0) - 2.0
+    size = np.where(since < 0.0, 0.0, 0.01 * np.exp(9.0 * np.minimum(since, 0.6)))
+    moment = np.clip(size * np.cos(4.0 * math.pi * since), -0.1, 0.1)
+    found = oscillation_of(moment, COMMAND_PERIOD_S, np.abs(moment) >= 0.1)
+    assert found.growth_per_s is None
+    assert found.frequency_hz == pytest.approx(2.0, rel=0.01)  # discretisation-limited
+    assert "at its bounds" in found.reason
+    assert "at its bounds" not in of(moment).reason
+
+
 @pytest.mark.parametrize("factor", [1e-3, -1.0, 1e3])
 def test_size_and_sign_of_the_moment_do_not_matter(factor: float) -> None:
     moment = draw(np.random.default_rng(3), "decays").moment
@@ -141,5 +153,5 @@ def test_drawn_oscillations_are_told_rightly_or_not_at_all() -> None:
         found = of(case.moment).growth_per_s
         said[right(found, case)] += 1
         clear.update([right(found, case)] if case.clear else [])
-    assert said[False] == 0, said  # statistical, n = 64; the lane has 1000
-    assert 3 * clear[True] > clear.total(), clear  # statistical: half of them in the lane
+    assert said[False] == 0, said  # statistical, n = 64; the lane: 2 of 3000
+    assert 2 * clear[True] > clear.total(), clear  # statistical: three in five in the lane

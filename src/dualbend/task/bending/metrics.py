@@ -44,8 +44,10 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
     during bending.
     """
     signals, scenario = peaks(result), result.scenario
-    moment = sensing_column(result, "true_moment_y")[bending_rows(result)]
-    found = oscillation_of(moment, COMMAND_PERIOD_S)
+    bending = bending_rows(result)
+    moment = sensing_column(result, "true_moment_y")[bending]
+    held = result.trace["saturated"][bending] > 0.0
+    found = oscillation_of(moment, COMMAND_PERIOD_S, held)
 
     def largest(name: str, unit: str) -> Metric:
         return Metric(peak(signals[name]), unit)
@@ -61,7 +63,9 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
             for name in out_of_plane_columns(scenario)
         },
         "oscillation": Metric(found.amplitude_nm, "N m"),
-        "oscillation_frequency": Metric(found.frequency_hz, "Hz", found.reason),
+        "oscillation_frequency": Metric(
+            found.frequency_hz, "Hz", found.reason if found.frequency_hz is None else ""
+        ),
         "oscillation_growth": Metric(found.growth_per_s, "1/s", found.reason),
         "peak_deviation_x": largest("peak_deviation_x", "m"),
         "peak_deviation_alpha": largest("peak_deviation_alpha", "rad"),
