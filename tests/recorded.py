@@ -108,10 +108,11 @@ def main() -> int:
     cases = {k: v for k, v in CASES.items() if not words or any(word in k for word in words)}
     with ThreadPoolExecutor(2) as pool:
         measured = dict(zip(cases, pool.map(measure, cases.values()), strict=True))
-    if "--record" in sys.argv:
-        FILE.write_text(json.dumps(measured, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-        return 0
     recorded = json.loads(FILE.read_text(encoding="utf-8"))
+    if "--record" in sys.argv:
+        text = json.dumps({**recorded, **measured}, indent=1, sort_keys=True)
+        FILE.write_text(text + "\n", encoding="utf-8")
+        return 0
     moved = sorted(differences({case: recorded[case] for case in cases}, measured))
     print("\n".join(moved))
     print(f"{len(moved)} values of {len(cases)} cases moved")
