@@ -193,6 +193,7 @@ def test_what_the_caller_ignores_stays_ignored(tmp_path: Path) -> None:
         ("stability fig8 --map m.png --map-b nan 1", "finite number"),
         ("tune fig8 --gain-margin inf", "inf is not in the range"),
         ("run exact --out ''", "is empty; give a path"),
+        ("arms --for fig66", "scenario 'fig66': did you mean"),
         ("report r --out ''", "is empty; give a path"),
         ("figures --out ''", "is empty; give a path"),
         ("beam --length 0.4 --width 57 --thickness 0.0005 --young 70.3e9 --alpha 1",
