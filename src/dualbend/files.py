@@ -29,7 +29,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Raises OSError where the folder cannot be written to.
     """
-    target = path.resolve()
+    target = Path(os.path.realpath(path))  # of links in a circle `resolve` raises RuntimeError
     if target.exists() and not target.is_file():
         yield path
         return

@@ -136,7 +136,44 @@ def test_a_signal_before_there_is_a_run_is_one_message(tmp_path: Path) -> None:
         process.send_signal(signal.SIGTERM)
         _, said = process.communicate()
     assert process.returncode == 128 + signal.SIGTERM
-    assert said == "dualbend: interrupted before there was a result\n"
+    assert said == "dualbend: interrupted\n"
+
+
+def test_ctrl_c_while_the_program_is_imported_is_silent(tmp_path: Path) -> None:
+    """Python's own handler would raise in the middle of an import."""
+    slow = "import time\nprint('importing', flush=True)\ntime.sleep(60.0)\n"
+    (tmp_path / "click.py").write_text(slow, encoding="utf-8")
+    path = os.pathsep.join((str(tmp_path), *filter(None, (os.environ.get("PYTHONPATH"),))))
+    with subprocess.Popen(
+        [sys.executable, "-m", "dualbend", "list"],
+        env={**os.environ, "PYTHONPATH": path},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "importing\n"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate()
+    assert (process.returncode, said) == (-signal.SIGINT, "")
+
+
+def test_a_signal_after_the_results_are_whole_does_not_deny_them(tmp_path: Path) -> None:
+    """It waits until they are written; the program says that it was interrupted, no more."""
+    command = [sys.executable, "-m", "dualbend", *shlex.split(RUN)]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        while not list(tmp_path.rglob("summary.json")):
+            assert process.poll() is None
+            time.sleep(0.001)
+        process.send_signal(signal.SIGTERM)
+        out, said = process.communicate()
+    assert process.returncode == 128 + signal.SIGTERM
+    assert "results in r" in out
+    assert said.endswith("dualbend: interrupted\n")
+    for name in FILES:
+        assert (tmp_path / "r" / name).stat().st_size > 0
 
 
 def test_what_the_caller_ignores_stays_ignored(tmp_path: Path) -> None:
@@ -156,6 +193,7 @@ def test_what_the_caller_ignores_stays_ignored(tmp_path: Path) -> None:
         ("stability fig8 --map m.png --map-b nan 1", "finite number"),
         ("tune fig8 --gain-margin inf", "inf is not in the range"),
         ("run exact --out ''", "is empty; give a path"),
+        ("arms --for fig66", "scenario 'fig66': did you mean"),
         ("report r --out ''", "is empty; give a path"),
         ("figures --out ''", "is empty; give a path"),
         ("beam --length 0.4 --width 57 --thickness 0.0005 --young 70.3e9 --alpha 1",

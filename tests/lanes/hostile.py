@@ -1,6 +1,7 @@
-"""Wrong input on purpose: mutated scenarios, and arguments and environments of the command line.
+"""Wrong input on purpose: mutated scenarios and sweeps, arguments and environments of a command.
 
     python tests/lanes/hostile.py scenarios --count 2000 --seed 1
+    python tests/lanes/hostile.py sweeps --count 2000 --seed 1
     python tests/lanes/hostile.py arguments --count 300 --seed 1
 
 Judged, of every case: no traceback, no hang, an exit code that is documented, and a message of one
@@ -20,12 +21,16 @@ import subprocess
 import sys
 import tempfile
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TypeAlias
 
 from wrong_commands import Case, case_of
-from wrong_scenarios import mutated
+from wrong_scenarios import mutated, mutated_sweep
+
+Mutate: TypeAlias = Callable[[random.Random], tuple[str, bytes]]
+EndOf: TypeAlias = Callable[[Path, str], tuple[str, str]]
 
 LONGEST_MESSAGE = 600
 CYCLES = 5
@@ -38,13 +43,15 @@ CODES = {0, 1, 2, 3, 129, 130, 143}
 def main() -> int:
     """Make the cases that the command line asks for; the exit code is 1 where one fails."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("kind", choices=["scenarios", "arguments"])
+    parser.add_argument("kind", choices=["scenarios", "sweeps", "arguments"])
     parser.add_argument("--count", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--only", type=int, help="Number of the one case to make.")
     given = parser.parse_args()
-    judge = judge_scenario if given.kind == "scenarios" else judge_command
+    judge = {"scenarios": judge_scenario, "sweeps": judge_sweep, "arguments": judge_command}[
+        given.kind
+    ]
     numbers = range(given.count) if given.only is None else [given.only]
     ends: collections.Counter[str] = collections.Counter()
     failed = 0
@@ -73,30 +80,41 @@ def generator(seed: int, number: int) -> random.Random:
 
 def judge_scenario(seed: int, number: int) -> tuple[str, str]:
     """Return how a mutated scenario ended, and what is wrong with that, "" where nothing is."""
+    return _judged(mutated, _end_of, seed, number)
+
+
+def judge_sweep(seed: int, number: int) -> tuple[str, str]:
+    """Return whether a mutated sweep's file is refused, and what is wrong with that."""
+    return _judged(mutated_sweep, _end_of_sweep, seed, number)
+
+
+def _judged(mutate: Mutate, end_of: EndOf, seed: int, number: int) -> tuple[str, str]:
     ours, theirs = FORK.Pipe(duplex=False)
-    process = FORK.Process(target=_tell_end, args=(seed, number, theirs))
+    process = FORK.Process(target=_tell_end, args=(mutate, end_of, seed, number, theirs))
     process.start()
     theirs.close()
     try:
         if not ours.poll(SCENARIO_S):
             process.kill()
-            return "hang", f"longer than {SCENARIO_S:g} s: {mutated(generator(seed, number))[0]}"
+            return "hang", f"longer than {SCENARIO_S:g} s: {mutate(generator(seed, number))[0]}"
         end, wrong = ours.recv()
     except EOFError:
         process.join()
-        return "died", f"exit code {process.exitcode}: {mutated(generator(seed, number))[0]}"
+        return "died", f"exit code {process.exitcode}: {mutate(generator(seed, number))[0]}"
     process.join()
     return end, wrong
 
 
-def _tell_end(seed: int, number: int, to: multiprocessing.connection.Connection) -> None:
+def _tell_end(
+    mutate: Mutate, end_of: EndOf, seed: int, number: int, to: multiprocessing.connection.Connection
+) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # what MuJoCo and NumPy warn of
-    said, content = mutated(generator(seed, number))
+    said, content = mutate(generator(seed, number))
     try:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "case.toml"
             path.write_bytes(content)
-            to.send(_end_of(path, said))
+            to.send(end_of(path, said))
     except BaseException:
         to.send(("traceback", f"{said}\n{traceback.format_exc()}"))
 
@@ -121,6 +139,21 @@ def _end_of(path: Path, said: str) -> tuple[str, str]:
     except InputError as error:
         return end, _wrong_message(str(error), said)
     return result.outcome, _wrong_message(result.reason, said)
+
+
+def _end_of_sweep(path: Path, said: str) -> tuple[str, str]:
+    """Load, and put the runs together."""
+    from dualbend import InputError
+    from dualbend.study.sweep.design import make_design
+    from dualbend.study.sweep.file import load_sweep
+
+    try:
+        sweep = load_sweep(path)
+        make_design(sweep)
+        sweep.to_toml()
+    except InputError as error:
+        return "refused", _wrong_message(str(error), said)
+    return "accepted", ""
 
 
 def _wrong_message(message: str, said: str) -> str:
@@ -185,6 +218,7 @@ FORK = multiprocessing.get_context("fork")
 if __name__ == "__main__":
     # Imported before the processes that are forked for each case.
     import dualbend.run.make
+    import dualbend.study.sweep.design
     import dualbend.task.assembly.run
     import dualbend.task.bending.run  # noqa: F401
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import random
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -29,9 +30,20 @@ def mutated(chance: random.Random) -> tuple[str, bytes]:
     name = chance.choice(sorted(list_scenarios()))
     whole = chance.random() < 0.5
     tables = copy.deepcopy(_resolved(name)) if whole else {"extends": name, **_part(chance, name)}
-    said = [name if whole else f"extends {name}"]
+    return _changed(chance, tables, name if whole else f"extends {name}")
+
+
+def mutated_sweep(chance: random.Random) -> tuple[str, bytes]:
+    """Return what was done to which kind of sweep, and the file that it is then."""
+    tables = copy.deepcopy(chance.choice(_SWEEPS))
+    return _changed(chance, tables, f"sweep, {tables['sample']['kind']}")
+
+
+def _changed(chance: random.Random, tables: Table, what: str) -> tuple[str, bytes]:
+    said = [what]
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
-        said.append(chance.choice(_CHANGES)(chance, tables))
+        with suppress(RecursionError):  # nested twice
+            said.append(chance.choice(_CHANGES)(chance, tables))
     try:
         text = tomli_w.dumps(tables)
     except RecursionError:
@@ -160,6 +172,39 @@ _CHANGES: tuple[Callable[[random.Random, Table], str], ...] = (
     _renamed,
     _swapped,
     _extended,
+)
+
+
+_SWEEPS: tuple[Table, ...] = (
+    {
+        **{"scenario": "fig8", "name": "gains", "metrics": ["peak_moment"]},
+        **{"set": {"path": {"end_rad": 0.05}}, "sample": {"kind": "grid"}},
+        "keys": {
+            "sheet": {"width_m": {"values": [0.05, 0.06]}},
+            "compliance.x.b": {"min": 10, "max": 100, "steps": 3, "log": True},
+        },
+    },
+    {
+        "scenario": "fig8",
+        "sample": {"kind": "sobol", "n": 8, "sensitivity": True, "seed": 3, "noise": "each"},
+        "keys": {
+            "sheet.thickness_m": {"distribution": "uniform", "min": 4e-4, "max": 5e-4},
+            "sheet.young_pa": {
+                **{"distribution": "normal", "mean": 70e9, "std": 1e9, "min": 6e10, "max": 8e10}
+            },
+        },
+    },
+    {
+        **{"scenario": "pwb", "sample": {"kind": "random", "n": 5}},
+        "keys": {
+            "task.errors.pickup_x_m": {"distribution": "loguniform", "min": 1e-4, "max": 1e-3},
+            "robot.alter.delay_cycles": {"values": [1, 2]},
+        },
+    },
+    {
+        **{"scenario": "fig8", "sample": {"kind": "list"}},
+        "keys": {"compliance": {"values": ["none", "admittance"]}, "seed": {"values": [1, 2]}},
+    },
 )
 
 

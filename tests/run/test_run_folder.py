@@ -223,6 +223,10 @@ def test_a_file_is_whole_or_what_it_was(tmp_path: Path) -> None:
     write_whole(link, "new")
     assert link.is_symlink()
     assert path.read_text() == "new"
+    circle = tmp_path / "circle"
+    circle.symlink_to(circle)
+    with pytest.raises(OSError, match="symbolic links"):
+        write_whole(circle / "page.html", "x")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

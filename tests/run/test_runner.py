@@ -413,6 +413,8 @@ def test_a_run_ends_where_its_sensor_is_saturated_for_as_long_as_is_allowed(
     if stops:
         assert result.reason.startswith("the left sensor is at the end of its range (force")
         assert "for 17 cycles, at 0.448 s" in result.reason
+        # The record says the same: the reading that ended the run is in it.
+        assert "in 17 of 17 cycles, at most 17 in a row" in result.summary.warnings[0]
 
 
 def test_the_worst_joint_is_the_one_that_is_named() -> None:

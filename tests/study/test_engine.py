@@ -136,23 +136,25 @@ import pathlib, sys
 sys.path.insert(0, sys.argv[1])
 if __name__ == "__main__":
     from study.test_engine import in_processes, kept, study
+    from dualbend.cli.process import signals_raised
     from support.stand_in import slow
-    try:
-        study(slow).run(in_processes(2), kept(pathlib.Path(sys.argv[2])))
-    except KeyboardInterrupt:
-        sys.exit(130)
+    with signals_raised() as came:
+        try:
+            study(slow).run(in_processes(2), kept(pathlib.Path(sys.argv[2])))
+        except KeyboardInterrupt:
+            sys.exit(128 + came[0])
 """
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
 def test_a_study_that_is_ended_keeps_what_is_done_and_ends_its_workers(
     sent: signal.Signals, tmp_path: Path, calls: Path
 ) -> None:
     """Analytic: what is on disk is not run again; workers, busy for a minute, end at once.
 
-    Ctrl-C reaches the whole process group: nothing but one KeyboardInterrupt comes of it. The
-    other signal only reaches the parent.
+    Ctrl-C, and a terminal that is closed, reach the whole process group: nothing but one
+    KeyboardInterrupt comes of it. The other signal only reaches the parent.
     """
     script, folder = tmp_path / "script.py", tmp_path / "s"
     script.write_text(CODE)
@@ -163,10 +165,10 @@ def test_a_study_that_is_ended_keeps_what_is_done_and_ends_its_workers(
             break
         time.sleep(0.1)
     asked = time.monotonic()
-    (os.killpg if sent == signal.SIGINT else os.kill)(parent.pid, sent)
+    (os.kill if sent == signal.SIGKILL else os.killpg)(parent.pid, sent)
     _, errors = parent.communicate(timeout=30)  # until nobody holds the pipe
-    if sent == signal.SIGINT:
-        assert (parent.returncode, errors) == (130, b"")
+    if sent != signal.SIGKILL:
+        assert (parent.returncode, errors) == (128 + sent, b"")
     assert time.monotonic() - asked < 20.0
     assert study(plain).run(in_processes(2), kept(folder)) == ALL
     assert sorted(indices(calls)) == list("012345")

@@ -321,6 +321,15 @@ NORMAL = {"distribution": "normal", "mean": 1.0, "std": 0.1}
         ),
         ({"sample": GRID, "keys": {"sheet": {"min": 0, "max": 1, "steps": 2}}}, "is a section"),
         ({"sample": GRID, "keys": {}}, r"\[keys\] is empty"),
+        ({"sample": GRID, "keys": DELAY, "set": ["seed=2"]}, r"set = .*: must be a section$"),
+        (
+            {"sample": GRID, "keys": {"sheet.young_pa": {"values": 1e9}}},
+            r"keys\.sheet\.young_pa\.values = 1000000000\.0: must be a list of values, 1 to 100",
+        ),
+        (
+            {"sample": GRID, "keys": {"sheet.young_pa" * 9**3: {"values": [1.0]}}},
+            r"keys\.sheet\.young_pa.{0,90}: no key of a scenario",
+        ),
         (
             {"sample": GRID, "keys": DELAY, "set": {"robot.alter.delay_cycles": 1}},
             "is given as well",

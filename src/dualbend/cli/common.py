@@ -136,13 +136,13 @@ class Commands(click.Group):
         try:
             with _one_line_usage():
                 return super().invoke(ctx)
-        except DualbendError as error:
-            _tell(str(error))
         except (KeyboardInterrupt, Exception) as error:
             if _interrupted(error):
-                _tell("interrupted before there was a result")
+                _tell("interrupted")
                 sys.exit(EXIT_INTERRUPTED)
-            if isinstance(error, MemoryError):
+            if isinstance(error, DualbendError):
+                _tell(str(error))
+            elif isinstance(error, MemoryError):
                 _tell("there is not memory enough for this")
             elif isinstance(error, RecursionError):
                 _tell("the input is nested too deep")

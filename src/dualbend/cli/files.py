@@ -14,6 +14,7 @@ from dualbend.cli.common import (
     command,
     complete_scenarios,
     deliver,
+    load,
     print_json,
 )
 from dualbend.errors import InputError, brief, refusing
@@ -87,6 +88,8 @@ def arms(as_json: bool, markdown: bool, scenario: str | None, settings: tuple[st
 
     if scenario is None and settings:
         raise InputError("--set changes a scenario: give one with --for")
+    if scenario is not None:
+        load(scenario, settings)  # what is wrong with it is no arm's doing
     if scenario is not None and not as_json:
         for row in arm_list.evaluate_arms(scenario, settings):
             click.echo(arm_list.verdict_text(row))

@@ -184,6 +184,7 @@ class Run:
         ``nominal``: of both arms (2, 3), each in its own bending frame. Raises ProtectiveStop where
         a sensor is at its range's end for longer than the guard allows.
         """
+        self.trace.record_reading(reading)
         self._sensor_guard.check(reading.clipped)
         observed = Observed.of(
             reading,
@@ -200,9 +201,7 @@ class Run:
             said = shortened(f"controller {name}, cycle {cycle}: {error}")
             raise ControllerFailed(said) from error
 
-    def send(
-        self, targets: Targets, reading: WrenchReading, observation: Observed, command: Command
-    ) -> None:
+    def send(self, targets: Targets, observation: Observed, command: Command) -> None:
         """Command both grips' poses in the world and run the physics to the next cycle."""
         ik = self.cell.ik
         solution = ik.solve(targets, 2.0 * self._q - self._previous)
@@ -210,9 +209,7 @@ class Run:
             raise ProtectiveStop(f"commanded {ik.describe_miss(solution)}")
         self._previous, self._q = self._q, solution.q
         self.sample = self.cell.send(self._q)
-        self.trace.record_control(
-            reading, observation, command, solution, time.perf_counter() - self._began
-        )
+        self.trace.record_control(observation, command, solution, time.perf_counter() - self._began)
         if self._on_cycle is not None:
             self._on_cycle(self.trace.rows)
 

@@ -86,7 +86,7 @@ class PlanarRun(Run):
         reading = self.sensors.read(self.sample.wrench, self.sample.rotation)
         nominal = PlanarPose(np.array([[x, z, alpha]] * len(SIDES)))
         observed, command = self.control(seen, self.phases[self.motion.phase[n]], nominal, reading)
-        self.send(grip_targets(command.pose.coordinates), reading, observed, command)
+        self.send(grip_targets(command.pose.coordinates), observed, command)
         return True
 
     def on_observed(self, cycle: int, seen: Observation) -> None:

@@ -264,9 +264,14 @@ class TraceRecorder(Trace):
         """Add the task's own columns to the row."""
         self._table[self.rows - 1][self._slices["task"]] = values
 
+    def record_reading(self, reading: WrenchReading) -> None:
+        """Add what the sensors read to the row: also where that ends the run."""
+        row = self._table[self.rows - 1]
+        for i, sensed in zip(self._sensing, reading.sensor.components, strict=True):
+            row[self._slices[f"reading{i}"]][:6] = sensed
+
     def record_control(
         self,
-        reading: WrenchReading,
         observation: Observed,
         command: Command,
         ik: IKSolution,
@@ -274,9 +279,8 @@ class TraceRecorder(Trace):
     ) -> None:
         """Complete the row with what the controller made of it."""
         row, at = self._table[self.rows - 1], self._slices
-        for i, sensed in zip(self._sensing, reading.sensor.components, strict=True):
+        for i in self._sensing:
             readings = row[at[f"reading{i}"]]
-            readings[:6] = sensed
             # Force x and moment y in the bending frame.
             readings[6:8] = observation.raw.components[i, ::4]
             readings[8:] = observation.filtered.components[i, ::4]

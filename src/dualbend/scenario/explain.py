@@ -190,7 +190,7 @@ def _right(
 def _in_words(wanted: mi.Type, unit: str, value: object) -> str:
     """Say what a value must be, of which kind, within which bounds, in which unit."""
     kind, bounds = kind_of(wanted), bounds_of(wanted)
-    article = "a " if kind.startswith(("number", "whole", "text", "list")) else ""
+    article = "a " if kind.startswith(("number", "whole", "text", "list", "section")) else ""
     numbers = isinstance(wanted, mi.IntType | mi.FloatType) and bounds
     said = f"{article}{kind}{' ' if numbers else ', ' if bounds else ''}{bounds}"
     said += f" [{unit}]" if unit and unit != "-" else ""

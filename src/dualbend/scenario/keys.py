@@ -225,6 +225,8 @@ def kind_of(info: mi.Type) -> str:
         mi.FloatType: "number",
         mi.IntType: "whole number",
         mi.StrType: "text",
+        mi.DictType: "section",
+        mi.AnyType: "value",
     }
     if type(info) not in names:
         raise NotImplementedError(f"a key of type {info}: say in {__name__} what it is")
@@ -237,7 +239,7 @@ def _words(words: Iterable[object]) -> str:
 
 
 def _plural(kind: str) -> str:
-    return re.sub(r"number\b", "numbers", kind) if kind.endswith("number") else f"({kind})"
+    return f"{kind}s" if kind.endswith(("number", "value")) else f"({kind})"
 
 
 def bounds_of(info: mi.Type) -> str:

@@ -14,7 +14,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
 from dualbend.errors import InputError
-from dualbend.run.disk.output import ENDING
+from dualbend.run.disk.output import ENDING, uninterrupted
 from dualbend.study.engine import Arguments, Key, Lost, Place, Row, WorkerDiedError, as_they_end
 
 DIED = "the process that ran it died, also when it ran alone"
@@ -77,8 +77,10 @@ def _pool(count: int) -> Iterator[Executor]:
     """Give processes that end with the block, at once where it is left by an exception."""
     strangers = set(multiprocessing.active_children())
     if os.name == "posix":
-        # Starting it unblocks interrupts; new processes are to have them blocked.
-        resource_tracker.ensure_running()
+        # Starting it unblocks interrupts; new processes are to have them blocked. It itself knows
+        # of Ctrl-C, but not of a terminal that is closed: SIGHUP would end it before its time.
+        with uninterrupted():
+            resource_tracker.ensure_running()
     pool = ProcessPoolExecutor(
         count, multiprocessing.get_context("spawn"), initializer=_belong_to_the_parent
     )

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 import tomli_w
 
-from dualbend.errors import InputError, brief, refusing
+from dualbend.errors import InputError, brief, refusing, shortened
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_renamed
 from dualbend.scenario.keys import Key
 from dualbend.scenario.load import read_scenario, read_toml, resolve_scenario
@@ -128,7 +128,10 @@ def load_sweep(path: Path) -> Sweep:
     data = read_toml(file, "no sweep's file")
     source = file.name
     config = converted(data, SweepConfig, source)
-    keys = {name: make_spec(table, source, name) for name, table in _leaves(config.keys, is_spec)}
+    keys = {
+        name: make_spec(table, source, _short(name))
+        for name, table in _leaves(config.keys, is_spec)
+    }
     sweep = Sweep(
         name=config.name or path.stem,
         source=source,
@@ -141,6 +144,11 @@ def load_sweep(path: Path) -> Sweep:
         sweep.resolve()
     _check_keys(sweep)
     return sweep
+
+
+def _short(name: str) -> str:
+    """Return a key's name for a message: what a file has there may be long, or have lines."""
+    return shortened(name, 80)
 
 
 def _scenario_tables(scenario: str, file: Path) -> dict[str, Any]:
@@ -170,14 +178,15 @@ def _check_keys(sweep: Sweep) -> None:
             same = other == name and other in fixed
             if same or other.startswith(f"{name}.") or name.startswith(f"{other}."):
                 raise InputError(
-                    f"{sweep.source}: keys.{name}: {other} is given as well; only one can hold"
+                    f"{sweep.source}: keys.{_short(name)}: {_short(other)} is given as well; "
+                    "only one can hold"
                 )
         _check_key(sweep, name)
 
 
 def _check_key(sweep: Sweep, name: str) -> None:
     """Refuse a key that no scenario has, and values that are of another kind than it."""
-    spec, where = sweep.keys[name], f"{sweep.source}: keys.{name}"
+    spec, where = sweep.keys[name], f"{sweep.source}: keys.{_short(name)}"
     if sweep.sample.kind in ("grid", "list") and not isinstance(spec, Values | Range):
         raise InputError(
             f"{where}: a distribution is for sample.kind = "

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from dualbend.errors import InputError, brief
+from dualbend.errors import InputError, brief, writing
 from dualbend.evaluation.metrics import COMMON_METRICS, versions
 from dualbend.files import write_whole
 from dualbend.registry import TASKS
@@ -91,7 +91,8 @@ def run_sweep(
         check=partial(_refuse_strangers, len(design.rows)),
     )
     rows = study.run(place, kept, on_run)
-    write_whole(folder / SWEEP, complete)  # its metrics may be others
+    with writing(folder / SWEEP):
+        write_whole(folder / SWEEP, complete)  # its metrics may be others
     return rows
 
 

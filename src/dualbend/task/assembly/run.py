@@ -290,7 +290,7 @@ class AssemblyRun(Run):
         self.grippers.drive(goal.posture.opening)
         targets = carried_targets(command.pose.coordinates, moved)
         error = _error(targets, seen.grip[:, :3])
-        self.send(targets, reading, observed, command)
+        self.send(targets, observed, command)
         self.grippers.update()
         sensed = Sensed(
             net=net,
