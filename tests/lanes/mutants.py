@@ -166,18 +166,16 @@ def _inside(node: ast.AST, place: _Place) -> _Place:
 def _silent(node: ast.AST) -> bool:
     """Tell whether nothing below a node is mutated: names of types, messages, `__all__`."""
     match node:
-        case ast.AnnAssign(annotation=ast.Name(id="TypeAlias")):
-            return True
-        case ast.Assign(targets=[ast.Name(id="__all__")]):
-            return True
-        case ast.Subscript(value=ast.Name(id="Annotated" | "Literal")):
+        case (
+            ast.AnnAssign(annotation=ast.Name(id="TypeAlias"))
+            | ast.Assign(targets=[ast.Name(id="__all__")])
+            | ast.Subscript(value=ast.Name(id="Annotated" | "Literal"))
+            | ast.keyword(arg="strict")
+            | ast.If(test=ast.Name(id="TYPE_CHECKING"))
+        ):
             return True
         case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)):
             return name in SILENT_CALLS
-        case ast.keyword(arg="strict"):
-            return True
-        case ast.If(test=ast.Name(id="TYPE_CHECKING")):
-            return True
     return False
 
 
