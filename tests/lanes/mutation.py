@@ -37,6 +37,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # a fork has one thread
 os.environ.setdefault("MUJOCO_GL", "egl")
 
 import pytest
+from hypothesis import Phase, settings
 from mutants import Mutant, mutants, mutated
 
 ROOT = Path(__file__).parents[2]
@@ -149,6 +150,12 @@ class Lane:
         self.out = Path(options.out)
         self.out.mkdir(parents=True, exist_ok=True)
 
+    def pytest_sessionstart(self) -> None:
+        """Let a property test end at the first example that fails, however large."""
+        phases = (Phase.explicit, Phase.generate)
+        settings.register_profile("lane", settings.get_profile("dualbend"), phases=phases)
+        settings.load_profile("lane")
+
     def pytest_collection(self) -> None:
         """Record what runs on import."""
         sys.settrace(self.imported._call)
@@ -165,6 +172,7 @@ class Lane:
         """Run the mutants."""
         if session.testsfailed:
             raise session.Interrupted("the tests cannot be collected")
+        self.functions = functions_of(self.files)
         gc.freeze()
         ran = self.map(session)
         chosen = drawn(self.options.package, self.options.count, self.options.seed)
@@ -243,7 +251,9 @@ class Lane:
         limit = 10.0 + 3.0 * costs
 
         def swapped() -> str:
-            replace_code(compile(tree, str(file), "exec"), str(file), mutant.function)
+            for code in _codes(compile(tree, str(file), "exec")):
+                for function in self.functions.get(_name(code), ()):
+                    function.__code__ = code
             return _first_failure(items)
 
         def imported() -> str:
@@ -254,18 +264,18 @@ class Lane:
         return "time or crash" if found is None else found or None
 
 
-def replace_code(module: CodeType, file: str, function: str) -> None:
-    """Give the functions of a file the code that they have in another compilation of it."""
-    new = {
-        (code.co_firstlineno, code.co_qualname): code
-        for code in _codes(module)
-        if code.co_qualname == function
-    }
+def functions_of(files: list[Path]) -> dict[tuple[str, int, str], list[FunctionType]]:
+    """Return all functions that live and were made from some files, by where their code is."""
+    wanted = {str(file) for file in files}
+    found: dict[tuple[str, int, str], list[FunctionType]] = {}
     for each in gc.get_objects():
-        if type(each) is FunctionType and each.__code__.co_filename == file:
-            code = new.get((each.__code__.co_firstlineno, each.__code__.co_qualname))
-            if code is not None:
-                each.__code__ = code
+        if type(each) is FunctionType and each.__code__.co_filename in wanted:
+            found.setdefault(_name(each.__code__), []).append(each)
+    return found
+
+
+def _name(code: CodeType) -> tuple[str, int, str]:
+    return code.co_filename, code.co_firstlineno, code.co_qualname
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:
@@ -323,7 +333,16 @@ def _again(module: str, file: Path, tree: ast.Module, tests: list[str]) -> str:
     return names.failed or ("import" if code else "")
 
 
-ARGUMENTS = ("-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", f"--rootdir={ROOT}")
+ARGUMENTS = (
+    "-q",
+    "-s",
+    "-p",
+    "no:cacheprovider",
+    "-p",
+    "no:xdist",
+    "--tb=native",
+    f"--rootdir={ROOT}",
+)
 
 
 def _digest(*paths: Path) -> str:
