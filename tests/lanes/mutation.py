@@ -55,7 +55,7 @@ TESTS = ("arm", "beam", "control", "evaluation", "mechanics", "planning", "run",
 TESTS += ("stability", "task")
 PRELOADED = ("mujoco", "scipy.signal", "scipy.optimize", "scipy.integrate", "mink", "pyarrow")
 """What the tests import while they run, imported once instead of once for each mutant."""
-BUDGET_S = 6.0
+BUDGET_S = 3.0
 """CPU time of all tests that one mutant gets [s]."""
 SLOWEST_S = 3.0
 """A test that needs more is not used."""
