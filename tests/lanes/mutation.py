@@ -53,6 +53,8 @@ PACKAGES = {
 
 TESTS = ("arm", "beam", "control", "evaluation", "mechanics", "planning", "run", "scene")
 TESTS += ("stability", "task")
+REFERENCE = "scenario/test_keys.py::test_the_committed_reference_is_current"
+"""The test that sees every default of a scenario's key, on the page that lists them."""
 PRELOADED = ("mujoco", "scipy.signal", "scipy.optimize", "scipy.integrate", "mink", "pyarrow")
 """What the tests import while they run, imported once instead of once for each mutant."""
 BUDGET_S = 3.0
@@ -208,8 +210,9 @@ class Lane:
     def one(self, item: pytest.Item) -> tuple[float, dict[str, set[int]]] | None:
         """Run a test alone; None where it fails without a mutant."""
         start = time.process_time()
-        with Lines(self.files) as lines:
+        with Lines(self.files) as run:
             failed = _first_failure([item])
+        lines = {_relative(Path(file)): numbers for file, numbers in run.items()}
         return None if failed else (time.process_time() - start, lines)
 
     def tests_of(self, mutant: Mutant, file: Path, ran: dict[str, Any]) -> tuple[list[str], float]:
@@ -217,15 +220,17 @@ class Lane:
         lines = set(range(mutant.first, mutant.last + 1))
         if self.on_import(mutant, file):
             own = f"tests/{self.options.package}/"
-            covering = [t for t in ran if ran[t][1][str(file)] or t.startswith(own)]
+            covering = [t for t in ran if ran[t][1][_relative(file)] or t.startswith(own)]
         else:
-            covering = [t for t in ran if not lines.isdisjoint(ran[t][1][str(file)])]
+            covering = [t for t in ran if not lines.isdisjoint(ran[t][1][_relative(file)])]
         total, tests = 0.0, []
-        for test in sorted(covering, key=lambda t: (not ran[t][1][str(file)], ran[t][0])):
+        for test in sorted(covering, key=lambda t: (not ran[t][1][_relative(file)], ran[t][0])):
             total += ran[test][0]
             if total > BUDGET_S and len(tests) >= 10:
                 break
             tests.append(test)
+        if not mutant.function:
+            tests += [test for test in ran if test.endswith(REFERENCE) and test not in tests]
         return tests, total
 
     def on_import(self, mutant: Mutant, file: Path) -> bool:
@@ -345,6 +350,10 @@ ARGUMENTS = (
 )
 
 
+def _relative(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
 def _digest(*paths: Path) -> str:
     text = b"".join(path.read_bytes() for path in sorted(paths))
     return hashlib.sha256(text).hexdigest()
@@ -396,7 +405,7 @@ def main() -> int:
     parser.add_argument("--tests", nargs="*", default=TESTS, help="folders of tests that may kill")
     options = parser.parse_args()
     if options.package:
-        folders = [str(ROOT / "tests" / name) for name in options.tests]
+        folders = [str(ROOT / "tests" / name) for name in (*options.tests, REFERENCE)]
         code = pytest.main([*ARGUMENTS, *folders], plugins=[Lane(options)])
         if code:
             return int(code)
