@@ -185,12 +185,11 @@ def test_two_angles_are_a_table() -> None:
 def test_the_slope_is_how_much_softer_the_curve_is_than_the_tangent(
     reference: ReferenceConfig | None, alpha: float
 ) -> None:
-    """At the reference, or at no force: the sheet is straight there, but of another stiffness."""
+    """At the reference, or at no force: within 0.3 N of it the sheet is softer than elsewhere."""
     force = -5.0 if reference else 0.0
-    straight = force + 150.0 * np.array([-0.04, 0.0, 0.04])
-    sheet = known(
-        compression_m=np.array([[0.04, 0.0, -0.04]] * 3), compression_n=np.stack([straight] * 3)
-    )
+    about = np.array([-6.3, -0.3, 0.3, 6.3])
+    inward = np.array([0.012, 0.002, -0.002, -0.012])
+    sheet = known(compression_m=np.stack([inward] * 3), compression_n=np.stack([force + about] * 3))
     config = msgspec.structs.replace(
         SCHEDULED, schedule=ScheduleConfig(curve=True, from_rad=0.1), reference=reference
     )
@@ -242,6 +241,20 @@ def test_fusion_weighs_force_and_moment_by_their_errors() -> None:
     np.testing.assert_allclose(estimate[0], scaled[0], rtol=1e-12)
     # The rotation complies with the moment alone.
     np.testing.assert_allclose(estimate[1], [0.0, 1.0 / STIFFNESS[2, 1]], rtol=1e-14)
+
+
+@pytest.mark.parametrize("force", [-7.0, -4.2, -2.5])
+def test_the_curve_tells_how_far_the_sheet_is_from_where_it_belongs(force: float) -> None:
+    config = msgspec.structs.replace(
+        SCHEDULED, schedule=ScheduleConfig(curve=True), reference=ReferenceConfig(from_rad=0.1)
+    )
+    pose = PlanarPose(np.array([-0.19, 0.7, 0.1]))
+    inward, right = (float(known().displacement(each, 0.1)) for each in (force, -2.0))
+    # Analytic: at rest δ = e/k with the ratio k = 0.2 and e the way back to the known force.
+    found = settled(config, pose, np.array([force, 0.0, 0.0]))[0]
+    assert found == pytest.approx((right - inward) / 0.2, rel=1e-9)
+    # A tangent would say something else.
+    assert abs(found - (force + 2.0) / 600.0 / 0.2) > 0.05 * abs(found)
 
 
 # --- the prediction -----------------------------------------------------------------------------
