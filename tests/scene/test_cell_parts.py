@@ -14,7 +14,7 @@ from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.cell import PAD_SITE, compose_cell, robots_only, without_looks
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
-from dualbend.scene.simulation import Simulation
+from dualbend.scene.simulation import PLANAR, Simulation
 from dualbend.task.assembly.config import assembly_of
 from dualbend.types import SIDES
 
@@ -233,6 +233,10 @@ def test_a_displaced_grasp_is_a_yaw_after_a_roll_and_is_seen_so() -> None:
         np.testing.assert_array_equal(model.site_pos[pad], [0.0, lateral, 0.0])
         body = data.xmat[model.site_bodyid[pad]].reshape(3, 3)
         np.testing.assert_allclose(data.site_xmat[pad].reshape(3, 3), body @ expected, atol=1e-12)
+
+
+def test_the_planar_pose_of_a_grip_leaves_y_out() -> None:
+    assert np.array(["x", "y", "z", "slope"])[PLANAR].tolist() == ["x", "z", "slope"]
 
 
 def test_roll_and_yaw_are_those_of_each_arms_bending_frame() -> None:

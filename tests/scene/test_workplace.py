@@ -360,6 +360,9 @@ def test_a_sheet_in_the_layout_is_one_of_the_sheets(place: Workplace) -> None:
     plates = [i for i in place.starting("sheet_strip_") if place.names[i].endswith("_plate")]
     # Exact: the plates cover the sheet once, end to end.
     assert len(plates) == STRIPS.hinges + 1
+    for plate in plates:
+        sides = 2.0 * place.model.geom_size[plate, 1:]
+        assert sides == pytest.approx([STRIP.width_m, STRIP.thickness_m], rel=1e-12)
     edges = [place.box(i) for i in plates]
     edges.sort(key=lambda box: box[0][0])
     assert edges[0][0][0] == pytest.approx(-STRIP.length_m / 2, abs=1e-12)
