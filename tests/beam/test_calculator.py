@@ -8,6 +8,7 @@ import pytest
 from dualbend.beam import elastica
 from dualbend.beam.calculator import bent_sheet
 from dualbend.beam.material import find_material
+from dualbend.beam.material_table import sources
 from dualbend.beam.path import (
     ApproximatePath,
     ExactPath,
@@ -200,10 +201,45 @@ def test_a_path_is_for_a_sheet_of_some_length(length: float) -> None:
             make()
 
 
+def test_a_sheet_may_be_of_cork() -> None:
+    cork = Sheet(
+        length_m=L,
+        width_m=W,
+        thickness_m=T,
+        young_pa=E,
+        poisson_ratio=0.0,
+        density_kg_per_m3=200.0,
+        rigidity="plate",
+    )
+    # Analytic: without contraction a plate is a beam.
+    assert cork.bending_stiffness_nm2 == pytest.approx(EI, rel=1e-14)
+
+
+def test_no_sheet_is_shortened_by_more_than_half() -> None:
+    # Analytic: at half the grippers meet.
+    meet = elastica.end_slope_from_shortening(L / 2, L)
+    assert meet == pytest.approx(elastica.END_SLOPE_GRIPPERS_MEET, rel=1e-9)
+    for shortened in (0.51 * L, -1e-9):
+        with pytest.raises(InputError, match="shortening"):
+            elastica.end_slope_from_shortening(shortened, L)
+
+
+def test_every_number_of_a_material_is_listed_with_its_source() -> None:
+    material = find_material("5052-H32")
+    title, *lines = sources(material).splitlines()
+    assert title == f"5052-H32: {material.title}"
+    assert len(lines) == len(material.evidence) > 3
+    for line, (key, evidence) in zip(lines, material.evidence.items(), strict=True):
+        name, value, told = line.split(maxsplit=2)
+        assert (name, float(value)) == (key, pytest.approx(getattr(material, key), rel=1e-3))
+        assert told == f"{evidence.grade}: {evidence.source}"
+
+
 @pytest.mark.parametrize("degree", [-1, 13])
 def test_the_degree_of_a_polynomial_path_has_bounds(degree: int) -> None:
     with pytest.raises(InputError, match=r"degree must lie in \[0, 12\]"):
         ApproximatePath(L, 0.5, degree=degree)
+    assert ApproximatePath(L, 0.5, degree=12).coefficients[0].size == 13
     x, y = ApproximatePath(L, 0.1, degree=0).at(0.1)
     # Analytic: the leading terms, x = L/2 − L α²/8 and y = L α/π, to α² of themselves.
     assert L / 2 - x == pytest.approx(L * 0.01 / 8, rel=0.01)

@@ -279,6 +279,19 @@ def test_a_sheet_above_its_ends_is_another_mode_and_by_how_much(climb: float) ->
     assert f"the middle is {sag:.3g} L above the ends" in branch.other_mode(standing, mirrored)
 
 
+@pytest.mark.parametrize(("part", "told"), [(1.0 / 4.0, True), (1.0 / 12.0, False)])
+def test_ends_that_point_up_may_hold_the_middle_up_by_a_quarter_of_their_slope(
+    part: float, told: bool
+) -> None:
+    """A circular arc of ends δ stands δ/4 above them; the elastica stands δ/π, a taut rod less."""
+    size = 0.02
+    hanging = problem(shallow(size, 0.0, part * size**2), 0.0, 0.0)
+    standing = replace(hanging, clamps=shallow(-size, 0.0, part * size**2))
+    u = solved(hanging)
+    mirrored = np.concatenate([-u[:-2], u[-2:]])
+    assert bool(branch.other_mode(standing, mirrored)) is told
+
+
 def test_a_buckled_mode_that_would_snap_is_told_with_its_directions() -> None:
     """The second mode, θ ~ cos 2πσ between flat clamps off the chord, is unstable in one way."""
     case = problem(shallow(0.0, 0.0, 0.01), 0.0, 0.0)
