@@ -29,6 +29,7 @@ import resource
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from types import CodeType, FrameType, FunctionType, ModuleType
 from typing import Any
@@ -196,37 +197,42 @@ class Lane:
         return True
 
     def map(self, session: pytest.Session) -> dict[str, Any]:
-        """Return for each test its CPU time and its lines, of the last call if it is the same."""
+        """Return for each test its CPU time and the lines that it runs.
+
+        Of an earlier call where the test's file and the source files that it runs are the same.
+        """
         path = self.out / "tests.pickle"
-        old = pickle.loads(path.read_bytes()) if path.exists() else {}
-        common = _digest(*SOURCE.rglob("*.py"), *(ROOT / "tests").glob("support/*.py"))
-        new = {}
-        for item in session.items:
-            key = (item.nodeid, common, _digest(item.path))
-            new[key] = old[key] if key in old else forked(lambda: self.one(item), SLOWEST_S)  # noqa: B023
-            if key not in old and len(new) % 50 == 0:
-                path.write_bytes(pickle.dumps({**old, **new}))
-        path.write_bytes(pickle.dumps(new))
-        return {key[0]: found for key, found in new.items() if found}
+        known = pickle.loads(path.read_bytes()) if path.exists() else {}
+        now = {_relative(file): _digest(file) for file in self.files}
+        for count, item in enumerate(session.items):
+            key = item.nodeid, _digest(item.path)
+            _, lines, then = known.get(key) or (0.0, {}, None)
+            if then is None or any(now.get(file) != then.get(file) for file in lines):
+                known[key] = *(forked(partial(self.one, item), SLOWEST_S) or (0.0, {})), now
+                if count % 50 == 0:
+                    _replace(path, known)
+        _replace(path, known)
+        chosen = {item.nodeid: known[item.nodeid, _digest(item.path)] for item in session.items}
+        return {test: (cost, lines) for test, (cost, lines, _) in chosen.items() if cost}
 
     def one(self, item: pytest.Item) -> tuple[float, dict[str, set[int]]] | None:
         """Run a test alone; None where it fails without a mutant."""
         start = time.process_time()
         with Lines(self.files) as run:
             failed = _first_failure([item])
-        lines = {_relative(Path(file)): numbers for file, numbers in run.items()}
+        lines = {_relative(Path(file)): numbers for file, numbers in run.items() if numbers}
         return None if failed else (time.process_time() - start, lines)
 
     def tests_of(self, mutant: Mutant, file: Path, ran: dict[str, Any]) -> tuple[list[str], float]:
         """Return the tests that a mutant gets, the fastest first, and their CPU time."""
-        lines = set(range(mutant.first, mutant.last + 1))
+        name, lines = _relative(file), set(range(mutant.first, mutant.last + 1))
         if self.on_import(mutant, file):
             own = (f"tests/{self.options.package}/", f"tests/{REFERENCE}")
-            covering = [t for t in ran if ran[t][1][_relative(file)] or t.startswith(own)]
+            covering = [t for t in ran if ran[t][1].get(name) or t.startswith(own)]
         else:
-            covering = [t for t in ran if not lines.isdisjoint(ran[t][1][_relative(file)])]
+            covering = [t for t in ran if not lines.isdisjoint(ran[t][1].get(name, ()))]
         total, tests = 0.0, []
-        for test in sorted(covering, key=lambda t: (not ran[t][1][_relative(file)], ran[t][0])):
+        for test in sorted(covering, key=lambda t: (not ran[t][1].get(name), ran[t][0])):
             total += ran[test][0]
             if total > BUDGET_S and len(tests) >= 10:
                 break
@@ -356,9 +362,15 @@ def _relative(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def _digest(*paths: Path) -> str:
-    text = b"".join(path.read_bytes() for path in sorted(paths))
-    return hashlib.sha256(text).hexdigest()
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _replace(path: Path, what: object) -> None:
+    """Write beside and swap in: another package's call may read it meanwhile."""
+    beside = path.with_suffix(f".{os.getpid()}")
+    beside.write_bytes(pickle.dumps(what))
+    beside.replace(path)
 
 
 def _rows(path: Path) -> list[dict[str, Any]]:
