@@ -1,0 +1,360 @@
+"""The parts of the oscillation measure: one window's fit, what it tells, what was before it."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from dualbend.evaluation import oscillation as osc
+from dualbend.evaluation.oscillation import oscillation_of
+from dualbend.types import Vector
+
+T = 0.028
+RNG = np.random.default_rng(7)
+
+
+def fitted(y: Vector, rate: float, frequency_hz: float) -> osc._Fits:
+    """Return the fit of one window (rows,) from a guess nearby."""
+    bank = osc._bank(y.size, T)
+    guess = np.array([rate]), np.array([2.0 * np.pi * frequency_hz])
+    return osc._refined(bank.detrended(y[np.newaxis]), np.array([0]), bank, guess)
+
+
+def middle_times(count: int) -> Vector:
+    return (np.arange(count) - (count - 1) / 2.0) * T
+
+
+def parabola(times: Vector) -> Vector:
+    return 0.02 - 0.01 * times + 0.03 * times**2
+
+
+# --- the amplitude ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("half_periods", [1, 2, 4, 8])
+def test_the_amplitude_is_that_of_a_high_pass_passed_twice(half_periods: int) -> None:
+    """Of a burst that comes and goes slowly; in 36 rows, a second, are so many half periods."""
+    frequency_hz = half_periods / 2.0 / (36 * T)
+    wave = np.sin(2.0 * np.pi * frequency_hz * np.arange(4000) * T)
+    found = oscillation_of(0.1 * np.hanning(4000) * wave, T).amplitude_nm
+    # Analytic: a Butterworth of second order at 1 Hz, forward and backward, 1/(1 + f⁻⁴), f warped
+    # by the bilinear transform.
+    warped = math.tan(math.pi * frequency_hz * T) / math.tan(math.pi * T)
+    assert found == pytest.approx(0.1 / (1.0 + warped**-4), rel=2e-3)
+
+
+def test_a_record_tells_its_amplitude_from_one_second_on() -> None:
+    short, enough = (oscillation_of(np.zeros(n), T) for n in (35, 36))
+    assert short.amplitude_nm is None
+    assert short.reason == "shorter than 1 s"
+    assert enough.amplitude_nm == 0.0
+    # The largest second counts: a burst of 40 rows in a quiet record.
+    burst = np.zeros(400)
+    burst[200:240] = 0.1 * np.sin(2.0 * np.pi * 4.0 * np.arange(40) * T)
+    assert oscillation_of(burst, T).amplitude_nm == pytest.approx(0.1, rel=0.1)
+
+
+# --- the fit of a window ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("count", "degree"), [(30, 2), (60, 2), (61, 3), (120, 3)])
+def test_a_damped_sinusoid_on_a_polynomial_is_found_from_a_guess(count: int, degree: int) -> None:
+    times = middle_times(count)
+    assert osc._degree(count * T) == degree
+    trend = parabola(times) + (0.02 * times**3 if degree == 3 else 0.0)
+    wave = 0.05 * np.exp(-1.3 * times) * np.cos(2.0 * np.pi * 2.4 * times + 0.7)
+    fit = fitted(trend + wave, -0.9, 2.3)
+    # Analytic: the model is the signal; five Gauss-Newton steps.
+    assert fit.rate[0] == pytest.approx(-1.3, abs=1e-4)
+    assert fit.frequency[0] == pytest.approx(2.4, abs=1e-5)
+    assert fit.rows[0] == count
+    assert fit.rest[0] < 1e-4 * fit.size[0]
+    assert fit.bend[0] < 1e-2
+    # Analytic: the root mean square of the oscillation, 1/√2 of its local amplitude.
+    envelope = 0.05 * np.exp(-1.3 * times)
+    assert fit.size[0] == pytest.approx(math.sqrt((envelope**2).mean() / 2.0), rel=1e-4)
+
+
+@pytest.mark.parametrize(("rate", "frequency_hz"), [(-1.0, 2.5), (1.5, 1.7), (0.0, 4.0)])
+@pytest.mark.parametrize("count", [50, 90])
+def test_the_error_of_a_rate_is_four_standard_errors_by_cramer_and_rao(
+    rate: float, frequency_hz: float, count: int
+) -> None:
+    times, degree = middle_times(count), osc._degree(count * T)
+    wave = 0.05 * np.exp((rate + 2j * np.pi * frequency_hz) * times + 0.4j)
+    noise = 1e-4 * np.random.default_rng(count).normal(size=count)
+    fit = fitted(parabola(times) + wave.real + noise, rate, frequency_hz)
+    # Analytic: the Jacobian of all parameters, trend, amplitude and phase, rate and frequency.
+    best = np.exp((fit.rate[0] + 2j * np.pi * fit.frequency[0]) * times)
+    trend = np.vander(times, degree + 1)
+    linear = np.column_stack([trend, best.real, -best.imag])
+    y = parabola(times) + wave.real + noise
+    found = np.linalg.lstsq(linear, y, rcond=None)[0]
+    whole = best * complex(*found[-2:])
+    jacobian = np.column_stack([linear, times * whole.real, -times * whole.imag])
+    residual = y - linear @ found
+    variance = residual @ residual / (count - (degree + 1) - 4)
+    spread = math.sqrt(variance * np.linalg.inv(jacobian.T @ jacobian)[-2, -2])
+    white = osc._white(residual[np.newaxis])[0]
+    coloured = 1.0 if white else math.sqrt(count)
+    assert fit.error[0] == pytest.approx(4.0 * spread * coloured, rel=1e-3)
+    assert fit.rest[0] == pytest.approx(math.sqrt((residual**2).mean()), rel=1e-4)
+
+
+def test_what_is_slower_than_the_pieces_of_a_path_is_never_taken_for_noise() -> None:
+    """Its residual is of the path: the error counts as if all rows said the same."""
+    count = 90
+    times = middle_times(count)
+    ratios = []
+    for seed in range(12):
+        noise = 1e-4 * np.random.default_rng(seed).normal(size=count)
+        slow, fast = (
+            float(fitted(0.05 * np.cos(2.0 * np.pi * f * times) + noise, 0.0, f).error[0])
+            for f in (0.99, 1.01)
+        )
+        ratios.append(slow / fast)
+    # Analytic: √n, n = 90, of nearly the same wave; or 1 where the noise does not look white.
+    told = np.isclose(ratios, math.sqrt(count), rtol=0.1)
+    assert np.isclose(np.array(ratios)[~told], 1.0, rtol=0.1).all()
+    assert told.sum() >= 6
+
+
+@pytest.mark.parametrize("curved", [0.2, -0.1])
+def test_the_bend_is_the_change_of_the_rate_between_middle_and_end(curved: float) -> None:
+    count = 80
+    times = middle_times(count)
+    wave = 0.05 * np.exp(0.5 * times + curved * times**2) * np.cos(2.0 * np.pi * 3.0 * times)
+    fit = fitted(wave, 0.5, 3.0)
+    # Analytic, first order in the change: the rate is σ + 2 c t, so c n T from middle to end.
+    assert fit.bend[0] == pytest.approx(abs(curved) * count * T, rel=0.1)
+
+
+def test_a_plane_is_least_squares_in_two_regressors() -> None:
+    a, b, y = RNG.normal(size=(3, 5, 20))
+    plane = osc._Plane(a, b)
+    p, q = plane.fit(y)
+    off = plane.off(y)
+    for i in range(5):
+        # Analytic: numpy's own least squares.
+        expected = np.linalg.lstsq(np.column_stack([a[i], b[i]]), y[i], rcond=None)[0]
+        np.testing.assert_allclose([p[i], q[i]], expected, rtol=1e-9)
+        np.testing.assert_allclose([off[i] @ a[i], off[i] @ b[i]], 0.0, atol=1e-12)
+    # Where there is no plane nothing is fitted.
+    none = osc._Plane(a, 2.0 * a)
+    assert np.abs(np.stack(none.fit(y))).max() < 1e30
+
+
+def test_the_trend_of_a_window_is_a_polynomial_and_the_grid_covers_what_is_looked_for() -> None:
+    for count, degree in ((40, 2), (100, 3)):
+        bank = osc._bank(count, T)
+        times = middle_times(count)
+        np.testing.assert_allclose(bank.times, times, atol=1e-12)
+        powers = np.stack([times**k for k in range(degree + 1)])
+        np.testing.assert_allclose(bank.detrended(powers), 0.0, atol=1e-12)
+        assert np.abs(bank.detrended((times ** (degree + 1))[np.newaxis])).max() > 1e-3
+        frequencies = np.unique(bank.omega) / (2.0 * np.pi)
+        # From one period in the window to beyond 7 Hz, in steps that a fit can start from.
+        assert frequencies[0] == pytest.approx(1.0 / (count * T))
+        assert frequencies[-1] > 7.0
+        assert np.diff(frequencies).max() <= 0.4 / (count * T) + 1e-9
+        assert bank.rate.min() < 0.0 < bank.rate.max()
+        assert np.abs(bank.rate).max() * count * T < 7.0
+        # An orthonormal pair for each pole, free of the trend.
+        products = np.einsum("pni,pnj->pij", bank.planes, bank.planes)
+        np.testing.assert_allclose(products, np.broadcast_to(np.eye(2), products.shape), atol=1e-9)
+        assert np.abs(np.einsum("nk,pni->pki", bank.trend, bank.planes)).max() < 1e-9
+
+
+@pytest.mark.parametrize("count", [60, 200])
+def test_white_noise_is_white_as_often_as_the_test_says(count: int) -> None:
+    noise = np.random.default_rng(3).normal(size=(4000, count))
+    # Statistical, n = 4000, four standard errors: Ljung and Box's Q of 12 lags is χ²₁₂, below 14.4.
+    expected = float(chi2.cdf(1.2 * 12, 12))
+    spread = 4.0 * math.sqrt(expected * (1.0 - expected) / 4000) + 3.0 / count
+    assert osc._white(noise).mean() == pytest.approx(expected, abs=spread)
+    walk = np.cumsum(noise[:100], axis=1)
+    assert not osc._white(walk - walk.mean(axis=1, keepdims=True)).any()
+
+
+def test_the_whiteness_of_a_series_by_hand() -> None:
+    """Ljung and Box (1978): Q = n (n + 2) Σ ρ_k²/(n − k) over 12 lags, n/3 if that is less."""
+    for count, lags in ((15, 5), (36, 12), (60, 12)):
+        series = np.random.default_rng(count).normal(size=(200, count))
+        told = osc._white(series)
+        for row, white in zip(series, told, strict=True):
+            rho = [row[k:] @ row[:-k] / (row @ row) for k in range(1, lags + 1)]
+            q = count * (count + 2) * sum(r**2 / (count - k) for k, r in enumerate(rho, start=1))
+            assert white == (q < 1.2 * lags)
+
+
+# --- which windows tell -------------------------------------------------------------------------
+
+
+def windows(**changed: Any) -> osc._Fits:
+    """Return one window that tells a rate, but for what is changed."""
+    parts: dict[str, Any] = {
+        "start": 0,
+        "rows": 50,
+        "rate": -1.0,
+        "frequency": 2.5,
+        "error": 0.1,
+        "bend": 0.05,
+        "rest": 0.01,
+        "size": 1.0,
+    }
+    size = max(np.size(value) for value in changed.values()) if changed else 1
+    return osc._Fits(*(np.resize(value, size) for value in {**parts, **changed}.values()))
+
+
+NOISE, NOTHING = "too short or too noisy to tell a rate", "nothing oscillates well above"
+BENT = "its amplitude is nowhere exponential for long enough"
+
+
+@pytest.mark.parametrize(
+    ("changed", "tells", "says"),
+    [
+        ({}, True, ""),
+        # No slower than 0.45 Hz, no faster than 7 Hz.
+        ({"frequency": 0.46, "rows": 90}, True, ""),
+        ({"frequency": 0.44, "rows": 90}, False, NOTHING),
+        ({"frequency": 6.9}, True, ""),
+        ({"frequency": 7.1}, False, NOTHING),
+        # At most e⁴ in a period, e⁶ in the window, at least one period of it.
+        ({"rate": -4.0, "frequency": 1.01, "rows": 50}, True, ""),
+        ({"rate": -4.1, "frequency": 1.01, "rows": 50}, False, NOTHING),
+        ({"rate": 4.1, "rows": 51, "error": 0.3}, True, ""),
+        ({"rate": 4.4, "rows": 51, "error": 0.3}, False, NOTHING),
+        ({"frequency": 0.75, "rows": 48}, True, ""),
+        ({"frequency": 0.75, "rows": 47}, False, NOTHING),
+        # A residual below 0.4 of the oscillation.
+        ({"rest": 0.39}, True, ""),
+        ({"rest": 0.41}, False, NOTHING),
+        # An error of at most 0.2 1/s or a tenth, a bend of half of that.
+        ({"error": 0.19}, True, ""),
+        ({"error": 0.21}, False, NOISE),
+        ({"rate": -3.0, "error": 0.29}, True, ""),
+        ({"rate": -3.0, "error": 0.31}, False, NOISE),
+        ({"bend": 0.099}, True, ""),
+        ({"bend": 0.101}, False, BENT),
+        ({"rate": 3.0, "bend": 0.149}, True, ""),
+        ({"rate": 3.0, "bend": 0.151}, False, BENT),
+    ],
+)
+def test_a_window_tells_a_rate_up_to_each_of_its_bounds(
+    changed: dict[str, Any], tells: bool, says: str
+) -> None:
+    told, reason = osc._telling(windows(**changed), T)
+    assert told.tolist() == [tells]
+    assert reason.startswith(says)
+    assert bool(reason) is not tells
+
+
+def test_an_oscillation_below_a_tenth_of_the_largest_does_not_count() -> None:
+    told, _ = osc._telling(windows(size=np.array([1.0, 0.11, 0.09])), T)
+    assert told.tolist() == [True, True, False]
+    # The largest of those that oscillate.
+    told, _ = osc._telling(windows(size=np.array([1.0, 0.11]), rest=np.array([0.9, 0.01])), T)
+    assert told.tolist() == [False, True]
+
+
+def test_the_best_window_of_each_start_within_a_period_is_tried_best_first() -> None:
+    fits = windows(
+        start=np.array([4, 4, 9, 18, 19, 3]),
+        error=np.array([0.10, 0.05, 0.08, 0.01, 0.001, 0.001]),
+        frequency=2.5,
+    )
+    told = np.array([True, True, True, True, True, False])
+    # Exact: a period of 2.5 Hz is 14.3 rows after the first that tells, row 4.
+    assert osc._by_start(fits, told, T) == [3, 1, 2]
+    # An error counts against what is allowed: 0.2 1/s, or a tenth of a fast rate.
+    fast = windows(start=np.array([0, 1]), rate=np.array([-8.0, -1.0]), error=np.array([0.3, 0.1]))
+    assert osc._by_start(fast, np.array([True, True]), T) == [0, 1]
+    # Windows of a single start tell nothing.
+    assert osc._by_start(fits, np.array([True, True, False, False, False, False]), T) == []
+    assert osc._by_start(fits, np.zeros(6, dtype=bool), T) == []
+
+
+# --- what was before ----------------------------------------------------------------------------
+
+
+def record(before: complex, rate: float, frequency_hz: float, rows: int = 60) -> Vector:
+    """Return 60 rows with the wave times ``before``, then ``rows`` of the wave, on a parabola."""
+    times = np.arange(-60, rows) * T
+    wave = np.exp((rate + 2j * np.pi * frequency_hz) * times + 0.3j)
+    wave = np.where(times < -1e-9, before * wave, wave)
+    return 0.3 + 0.2 * times - 0.1 * times**2 + wave.real
+
+
+def window_of(rate: float, frequency_hz: float, rest: float = 1e-6, rows: int = 60) -> osc._Fits:
+    fits = windows(start=60, rows=rows, rate=rate, frequency=frequency_hz, rest=rest)
+    return fits.only(0)
+
+
+@pytest.mark.parametrize("before", [0.0, 1.0, 0.5, 0.4 + 0.3j, -1.0])
+@pytest.mark.parametrize("rows", [4, 10, 14])
+def test_what_was_before_a_window_is_told_as_a_ratio(before: complex, rows: int) -> None:
+    rate, frequency_hz = -0.8, 2.5
+    ratio, error = osc._before(
+        record(before, rate, frequency_hz),
+        window_of(rate, frequency_hz),
+        rows,
+        complex(rate, 2.0 * np.pi * frequency_hz),
+        T,
+    )
+    # Analytic: least squares of the signal's own terms.
+    assert ratio == pytest.approx(before, abs=1e-6)
+    assert 0.0 < error < 1e-3
+
+
+def test_the_error_of_a_ratio_is_its_spread_under_noise() -> None:
+    rate, frequency_hz, rows, noise = -0.8, 2.5, 10, 0.02
+    fit, pole = window_of(rate, frequency_hz, rest=noise), complex(rate, 2 * np.pi * frequency_hz)
+    clean = record(0.0, rate, frequency_hz)
+    rng = np.random.default_rng(2)
+    found = [
+        osc._before(clean + noise * rng.normal(size=clean.size), fit, rows, pole, T)
+        for _ in range(1500)
+    ]
+    ratios = np.array([ratio for ratio, _ in found])
+    # Statistical, n = 1500: 2.6 % for a root mean square of both parts; the ratio's own
+    # denominator is noisy too, by a few parts in a hundred.
+    spread = math.sqrt((np.abs(ratios) ** 2).mean() / 2.0)
+    assert np.mean([error for _, error in found]) == pytest.approx(spread, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("rate", "before", "begins"),
+    [
+        # Decay begins at its onset: nothing was there.
+        (-1.0, 0.0, True),
+        (-1.0, 0.04, True),
+        (-1.0, 0.06, False),
+        (-1.0, 1.0, False),
+        # Growth begins so too, or goes on from earlier, within 0.3 of its own law.
+        (2.0, 0.0, True),
+        (2.0, 1.0, True),
+        (2.0, 1.28, True),
+        (2.0, 0.72, True),
+        # By less than √e in the window (0.3 1/s times 1.68 s): too little to be growth.
+        (0.29, 1.0, False),
+        (0.31, 1.0, True),
+        (0.29, 0.0, True),
+        # By more than e it may come out of what is no larger than itself by half.
+        (0.7, 1.4, True),
+        (0.7, 1.6, False),
+        (0.58, 1.4, False),
+        (0.58, 0.72, True),
+        (0.58, 0.68, False),
+    ],
+)
+def test_a_law_holds_from_its_onset_on(rate: float, before: float, begins: bool) -> None:
+    moment = record(before, rate, 2.5)
+    assert osc._begins(moment, window_of(rate, 2.5), T) is begins
+
+
+def test_a_window_at_the_start_of_the_record_has_nothing_before_it() -> None:
+    moment = record(0.0, -1.0, 2.5)[60:]
+    fit = windows(start=0, rows=60, rate=-1.0, frequency=2.5, rest=1e-6).only(0)
+    assert osc._begins(moment, fit, T)
