@@ -278,7 +278,7 @@ def test_a_fingerprint_tells_names_and_seven_digits_of_every_number() -> None:
         return model_fingerprint(mujoco.MjModel.from_xml_string(text))
 
     same = of("2")
-    assert of("2.00000001") == same  # the ninth digit
+    assert of("2.0000001") == same  # the eighth digit
     assert of("2.00001") != same  # the sixth
     assert of("20") != same  # the exponent
     assert of("2", name="b") != same

@@ -22,12 +22,8 @@ BENDING_RUN = load_scenario("fig6", ["sheet.model.hinges=4"])
 ASSEMBLY = load_scenario("pwb")
 
 
-def compose(
-    *, layout: bool = False, arms: str = "puma560", looks: bool = False, **settings: object
-) -> mujoco.MjSpec:
-    name = "pwb" if layout else "fig6"
-    chosen = [f"robot.model={arms}", *(f"{key}={value}" for key, value in settings.items())]
-    scenario = load_scenario(name, [each for each in chosen if each != "robot.model=puma560"])
+def compose(*, layout: bool = False) -> mujoco.MjSpec:
+    scenario = load_scenario("pwb" if layout else "fig6")
     pair = arm_pair(scenario)
     servo = make_servo(scenario, robots_only(pair).compile(), pair.home)
     return compose_cell(
@@ -39,7 +35,7 @@ def compose(
         servo,
         scenario.physics.step_s,
         assembly_of(scenario).layout if layout else None,
-        looks=looks,
+        looks=False,
     )
 
 
@@ -168,12 +164,11 @@ def test_the_surroundings_touch_nothing_and_the_front_camera_sees_both_grips(
 @pytest.mark.parametrize(("height", "stands"), [(0.4, True), (0.021, True), (0.019, False)])
 def test_an_arm_above_the_floor_stands_on_a_column(height: float, stands: bool) -> None:
     by_hand = {"distance_m": 0.6, "lateral_m": 0.1, "height_m": height, "yaw_rad": 0.2}
-    spec = compose(
-        arms="ur5",
-        **{f"cell.base_{key}": value for key, value in by_hand.items()},
-        **{"cell.home_rad": "[0.1,-1.5,1.5,-1.5,-1.5,0.0]"},
-    )
-    model = spec.compile()
+    placed = [f"cell.base_{key}={value}" for key, value in by_hand.items()]
+    home = "cell.home_rad=[0.1,-1.5,1.5,-1.5,-1.5,0.0]"
+    model = robots_only(
+        arm_pair(load_scenario("fig6", ["robot.model=ur5", *placed, home]))
+    ).compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     for side in SIDES:
@@ -206,7 +201,7 @@ def test_an_arm_that_is_documented_on_its_own_stand_gets_no_column(bending: mujo
 
 
 def test_without_looks_the_cell_moves_alike() -> None:
-    spec = compose(looks=False)
+    spec = compose()
     full, bare = spec.compile(), without_looks(spec).compile()
     assert bare.ngeom < full.ngeom
     assert (bare.nq, bare.nu, bare.neq) == (full.nq, full.nu, full.neq)
