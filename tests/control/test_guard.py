@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dualbend.control.guard import Guard, GuardConfig, ProtectiveStop
-from dualbend.types import Vector
+from dualbend.control.guard import Guard, GuardConfig, ProtectiveStop, SensorGuard
+from dualbend.types import Mask, Vector
 
 NAMES = ("base", "elbow", "wrist")
 STILL = np.zeros(3)
@@ -86,3 +86,33 @@ def test_what_is_outside_is_told_by_kind_and_joint() -> None:
         [False, False, True],
         [True, False, False],
     ]
+
+
+# --- a sensor that tells less than acts ---------------------------------------------------------
+
+FREE = np.zeros((2, 6), dtype=np.bool_)
+
+
+def clipped(arm: int, *axes: int) -> Mask:
+    mask = FREE.copy()
+    mask[arm, list(axes)] = True
+    return mask
+
+
+@pytest.mark.parametrize(("arm", "side"), [(0, "left"), (1, "right")])
+def test_only_cycles_in_a_row_at_the_range_of_a_sensor_end_a_run(arm: int, side: str) -> None:
+    checked = SensorGuard(GuardConfig(sensor_cycles=3), ("left", "right"))
+    for mask in (clipped(arm, 0), clipped(arm, 0), FREE, clipped(arm, 1), clipped(1 - arm, 0)):
+        checked.check(mask)
+    checked.check(clipped(arm, 2))
+    checked.check(clipped(arm, 5))
+    # Exact: the third in a row, of whatever axis; the message has those of now.
+    message = rf"the {side} sensor is at the end of its range \(force z, moment x\) for 3 cycles"
+    with pytest.raises(ProtectiveStop, match=message):
+        checked.check(clipped(arm, 2, 3))
+
+
+def test_a_sensor_that_may_be_at_its_range_for_ever_never_ends_a_run() -> None:
+    checked = SensorGuard(GuardConfig(), ("left", "right"))
+    for _ in range(100):
+        assert not checked.outside(clipped(0, 0)).any()

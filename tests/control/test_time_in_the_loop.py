@@ -9,7 +9,7 @@ from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance, NoComplianceConfig
 from dualbend.control.compliance.object import ObjectAdmittance, ObjectComplianceConfig
 from dualbend.control.compliance.predictor import ResponseModel
-from dualbend.control.controller import Observation
+from dualbend.control.controller import ControlledPath, ControllerFailed, Observation
 from dualbend.control.filters import FirConfig, IirConfig, LowPass, NoFilterConfig
 from dualbend.control.force_torque import (
     ForceTorqueConfig,
@@ -151,3 +151,25 @@ def test_the_defaults_are_what_their_sources_say() -> None:
         LowPass(config, period_s=T).group_delay_s(0.0) for config in (FirConfig(), IirConfig())
     ]
     assert delays == pytest.approx([0.028, 0.0164], abs=5e-5)
+
+
+def test_a_controller_that_fails_is_told_with_the_line_that_failed() -> None:
+    def careless(_: Observation) -> Vector:
+        return np.zeros(12) / nothing()
+
+    def nothing() -> float:
+        raise KeyError("no such gain")
+
+    line = nothing.__code__.co_firstlineno + 1
+    config = ForceTorqueConfig(force_noise_n=0.0, torque_noise_nm=0.0)
+    chain = WrenchChain(
+        Sensor(config, [np.random.default_rng(0)], (1,)),
+        ToolGravityCompensation([0.0], np.zeros((1, 3))),
+        LowPass(NoFilterConfig(), period_s=T, shape=(1,)),
+        np.eye(3),
+    )
+    path = ControlledPath(careless, delay_cycles=0, mode="world")
+    # Exact: the innermost frame, where it was raised.
+    expected = rf"KeyError: 'no such gain' \(test_time_in_the_loop\.py:{line}\)"
+    with pytest.raises(ControllerFailed, match=expected):
+        path.command(observe(WristSensors(chain, [0]), np.zeros((2, 6))))
