@@ -1,4 +1,4 @@
-"""The parts of the oscillation measure: one window's fit, what it tells, what was before it."""
+"""The parts of the oscillation measure: one window's fit, and whether it tells a rate."""
 
 import math
 from typing import Any
@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from dualbend.evaluation import oscillation as osc
 from dualbend.evaluation.oscillation import oscillation_of
 from dualbend.types import Vector
+from support.fits import windows
 
 T = 0.028
 RNG = np.random.default_rng(7)
@@ -161,10 +162,36 @@ def test_the_trend_of_a_window_is_a_polynomial_and_the_grid_covers_what_is_looke
         assert np.diff(frequencies).max() <= 0.4 / (count * T) + 1e-9
         assert bank.rate.min() < 0.0 < bank.rate.max()
         assert np.abs(bank.rate).max() * count * T < 7.0
+        # Rates in steps of 0.75 1/s, or of one over the window where that is more, up to 12 1/s.
+        steps = np.diff(np.unique(bank.rate))
+        assert steps == pytest.approx(max(1.0 / (count * T), 0.75))
+        assert np.abs(bank.rate).max() <= 12.0
+        # Each plane holds the wave of its own pole.
+        for i in RNG.integers(bank.rate.size, size=20).tolist():
+            wave = np.exp((bank.rate[i] + 1j * bank.omega[i]) * times)
+            for part in (wave.real, wave.imag):
+                moved = bank.detrended(part[np.newaxis])[0]
+                np.testing.assert_allclose(
+                    bank.planes[i] @ (bank.planes[i].T @ moved), moved, atol=1e-9
+                )
         # An orthonormal pair for each pole, free of the trend.
         products = np.einsum("pni,pnj->pij", bank.planes, bank.planes)
         np.testing.assert_allclose(products, np.broadcast_to(np.eye(2), products.shape), atol=1e-9)
         assert np.abs(np.einsum("nk,pni->pki", bank.trend, bank.planes)).max() < 1e-9
+
+
+def test_short_windows_are_looked_at_with_all_rates() -> None:
+    bank = osc._bank(12, T)
+    assert np.unique(bank.rate)[[0, -1]] == pytest.approx([-12.0, 12.0], abs=1.0 / (12 * T))
+    assert np.abs(bank.rate).max() <= 12.0
+
+
+def test_windows_have_every_length_from_12_rows_to_four_seconds() -> None:
+    lengths = np.array(osc._WINDOWS_S)
+    # A law that holds for long is told by long windows, one that ends soon by short ones.
+    assert round(lengths[0] / T) == osc._FEWEST_SAMPLES == 12
+    assert 4.0 < lengths[-1] < 4.5
+    assert (lengths[1:] / lengths[:-1] == pytest.approx(1.26)) and lengths.size == 12
 
 
 @pytest.mark.parametrize("count", [60, 200])
@@ -192,22 +219,6 @@ def test_the_whiteness_of_a_series_by_hand() -> None:
 # --- which windows tell -------------------------------------------------------------------------
 
 
-def windows(**changed: Any) -> osc._Fits:
-    """Return one window that tells a rate, but for what is changed."""
-    parts: dict[str, Any] = {
-        "start": 0,
-        "rows": 50,
-        "rate": -1.0,
-        "frequency": 2.5,
-        "error": 0.1,
-        "bend": 0.05,
-        "rest": 0.01,
-        "size": 1.0,
-    }
-    size = max(np.size(value) for value in changed.values()) if changed else 1
-    return osc._Fits(*(np.resize(value, size) for value in {**parts, **changed}.values()))
-
-
 NOISE, NOTHING = "too short or too noisy to tell a rate", "nothing oscillates well above"
 BENT = "its amplitude is nowhere exponential for long enough"
 
@@ -230,6 +241,7 @@ BENT = "its amplitude is nowhere exponential for long enough"
         ({"frequency": 0.75, "rows": 47}, False, NOTHING),
         # A residual below 0.4 of the oscillation.
         ({"rest": 0.39}, True, ""),
+        ({"rest": 0.79, "size": 2.0}, True, ""),
         ({"rest": 0.41}, False, NOTHING),
         # An error of at most 0.2 1/s or a tenth, a bend of half of that.
         ({"error": 0.19}, True, ""),
@@ -249,6 +261,28 @@ def test_a_window_tells_a_rate_up_to_each_of_its_bounds(
     assert told.tolist() == [tells]
     assert reason.startswith(says)
     assert bool(reason) is not tells
+
+
+@pytest.mark.parametrize(
+    "edge",
+    [{"rate": -3.0, "frequency": 0.75}, {"rate": -1.0, "frequency": 0.5}],
+    ids=["e⁴ in a period and e⁶ in the window", "one period of it"],
+)
+def test_a_bound_itself_is_allowed(edge: dict[str, float]) -> None:
+    # Exact in binary: four rows of half a second.
+    told, _ = osc._telling(windows(rows=4, **edge), 0.5)
+    assert told.tolist() == [True]
+
+
+def test_a_start_exactly_a_period_later_is_tried_too() -> None:
+    # Exact in binary: a period of 0.5 Hz is four rows of half a second.
+    fits = windows(start=np.array([0, 4, 5]), frequency=0.5, error=np.array([0.1, 0.05, 0.01]))
+    assert osc._by_start(fits, np.ones(3, dtype=bool), 0.5) == [1, 0]
+
+
+def test_a_record_of_exactly_a_second_is_long_enough() -> None:
+    found = oscillation_of(np.zeros(64), 1.0 / 64.0)
+    assert found.amplitude_nm == 0.0
 
 
 def test_an_oscillation_below_a_tenth_of_the_largest_does_not_count() -> None:
@@ -274,87 +308,3 @@ def test_the_best_window_of_each_start_within_a_period_is_tried_best_first() -> 
     # Windows of a single start tell nothing.
     assert osc._by_start(fits, np.array([True, True, False, False, False, False]), T) == []
     assert osc._by_start(fits, np.zeros(6, dtype=bool), T) == []
-
-
-# --- what was before ----------------------------------------------------------------------------
-
-
-def record(before: complex, rate: float, frequency_hz: float, rows: int = 60) -> Vector:
-    """Return 60 rows with the wave times ``before``, then ``rows`` of the wave, on a parabola."""
-    times = np.arange(-60, rows) * T
-    wave = np.exp((rate + 2j * np.pi * frequency_hz) * times + 0.3j)
-    wave = np.where(times < -1e-9, before * wave, wave)
-    return 0.3 + 0.2 * times - 0.1 * times**2 + wave.real
-
-
-def window_of(rate: float, frequency_hz: float, rest: float = 1e-6, rows: int = 60) -> osc._Fits:
-    fits = windows(start=60, rows=rows, rate=rate, frequency=frequency_hz, rest=rest)
-    return fits.only(0)
-
-
-@pytest.mark.parametrize("before", [0.0, 1.0, 0.5, 0.4 + 0.3j, -1.0])
-@pytest.mark.parametrize("rows", [4, 10, 14])
-def test_what_was_before_a_window_is_told_as_a_ratio(before: complex, rows: int) -> None:
-    rate, frequency_hz = -0.8, 2.5
-    ratio, error = osc._before(
-        record(before, rate, frequency_hz),
-        window_of(rate, frequency_hz),
-        rows,
-        complex(rate, 2.0 * np.pi * frequency_hz),
-        T,
-    )
-    # Analytic: least squares of the signal's own terms.
-    assert ratio == pytest.approx(before, abs=1e-6)
-    assert 0.0 < error < 1e-3
-
-
-def test_the_error_of_a_ratio_is_its_spread_under_noise() -> None:
-    rate, frequency_hz, rows, noise = -0.8, 2.5, 10, 0.02
-    fit, pole = window_of(rate, frequency_hz, rest=noise), complex(rate, 2 * np.pi * frequency_hz)
-    clean = record(0.0, rate, frequency_hz)
-    rng = np.random.default_rng(2)
-    found = [
-        osc._before(clean + noise * rng.normal(size=clean.size), fit, rows, pole, T)
-        for _ in range(1500)
-    ]
-    ratios = np.array([ratio for ratio, _ in found])
-    # Statistical, n = 1500: 2.6 % for a root mean square of both parts; the ratio's own
-    # denominator is noisy too, by a few parts in a hundred.
-    spread = math.sqrt((np.abs(ratios) ** 2).mean() / 2.0)
-    assert np.mean([error for _, error in found]) == pytest.approx(spread, rel=0.1)
-
-
-@pytest.mark.parametrize(
-    ("rate", "before", "begins"),
-    [
-        # Decay begins at its onset: nothing was there.
-        (-1.0, 0.0, True),
-        (-1.0, 0.04, True),
-        (-1.0, 0.06, False),
-        (-1.0, 1.0, False),
-        # Growth begins so too, or goes on from earlier, within 0.3 of its own law.
-        (2.0, 0.0, True),
-        (2.0, 1.0, True),
-        (2.0, 1.28, True),
-        (2.0, 0.72, True),
-        # By less than √e in the window (0.3 1/s times 1.68 s): too little to be growth.
-        (0.29, 1.0, False),
-        (0.31, 1.0, True),
-        (0.29, 0.0, True),
-        # By more than e it may come out of what is no larger than itself by half.
-        (0.7, 1.4, True),
-        (0.7, 1.6, False),
-        (0.58, 1.4, False),
-        (0.58, 0.72, True),
-        (0.58, 0.68, False),
-    ],
-)
-def test_a_law_holds_from_its_onset_on(rate: float, before: float, begins: bool) -> None:
-    moment = record(before, rate, 2.5)
-    assert osc._begins(moment, window_of(rate, 2.5), T) is begins
-
-
-def test_a_window_at_the_start_of_the_record_has_nothing_before_it() -> None:
-    moment = record(0.0, -1.0, 2.5)[60:]
-    fit = windows(start=0, rows=60, rate=-1.0, frequency=2.5, rest=1e-6).only(0)
-    assert osc._begins(moment, fit, T)
