@@ -157,6 +157,9 @@ def test_a_controller_that_fails_is_told_with_the_line_that_failed() -> None:
     def careless(_: Observation) -> Vector:
         return np.zeros(12) / nothing()
 
+    def singular(_: Observation) -> Vector:
+        return np.linalg.inv(np.zeros((2, 2)))
+
     def nothing() -> float:
         raise KeyError("no such gain")
 
@@ -168,8 +171,11 @@ def test_a_controller_that_fails_is_told_with_the_line_that_failed() -> None:
         LowPass(NoFilterConfig(), period_s=T, shape=(1,)),
         np.eye(3),
     )
+    observation = observe(WristSensors(chain, [0]), np.zeros((2, 6)))
     path = ControlledPath(careless, delay_cycles=0, mode="world")
     # Exact: the innermost frame, where it was raised.
     expected = rf"KeyError: 'no such gain' \(test_time_in_the_loop\.py:{line}\)"
     with pytest.raises(ControllerFailed, match=expected):
-        path.command(observe(WristSensors(chain, [0]), np.zeros((2, 6))))
+        path.command(observation)
+    with pytest.raises(ControllerFailed, match=r"Singular matrix \(_?linalg\.py:\d+\)"):
+        ControlledPath(singular, delay_cycles=0, mode="world").command(observation)

@@ -165,3 +165,14 @@ def test_a_whole_period_back_growth_may_come_out_of_anything(
 ) -> None:
     monkeypatch.setattr(osc, "_before", lambda _, __, rows, *___: (9.0 if rows > 10 else 0.5, 0.0))
     assert osc._begins(np.zeros(200), windows(start=60, rate=rate).only(0), T) is begins
+
+
+@pytest.mark.parametrize("large", [4, 5, 7])
+def test_nearer_than_a_period_nothing_may_be_larger_than_growth_itself(
+    large: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 4, 4, 5, 7 and 14 rows back, all but the last count."""
+    monkeypatch.setattr(
+        osc, "_before", lambda _, __, rows, *___: (9.0 if rows == large else 0.5, 0.0)
+    )
+    assert not osc._begins(np.zeros(200), windows(start=60, rate=GROWS).only(0), T)

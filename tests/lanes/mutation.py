@@ -188,10 +188,11 @@ class Lane:
             for mutant, file, number in chosen:
                 tests, costs = self.tests_of(mutant, file, ran)
                 before = known.get(mutant.key)
-                if before and (before["by"] or before["tests"] == tests):
+                state = _state([items[test] for test in tests])
+                if before and (before["by"] or before["state"] == state):
                     continue
                 by = self.result(session, mutant, file, number, [items[t] for t in tests], costs)
-                row = {**vars(mutant), "by": by, "tests": tests}
+                row = {**vars(mutant), "by": by, "tests": tests, "state": state}
                 stream.write(json.dumps(row) + "\n")
                 stream.flush()
         return True
@@ -364,6 +365,12 @@ def _relative(path: Path) -> str:
 
 def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _state(items: list[pytest.Item]) -> str:
+    """Return what tells these tests, as their files are now, from others."""
+    told = "".join(item.nodeid + _digest(item.path) for item in items)
+    return hashlib.sha256(told.encode()).hexdigest()
 
 
 def _replace(path: Path, what: object) -> None:

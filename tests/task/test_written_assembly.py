@@ -246,3 +246,6 @@ def test_holes_off_the_centre_line_are_as_far_apart_along() -> None:
     # Exact.
     assert along == 0.05
     assert middle_spacing(run(scenario, phase=[bend])) == pytest.approx(0.1, rel=1e-12)
+    # Analytic, by Pythagoras: 24 mm apart across, and now one more.
+    aside = middle_spacing(run(scenario, phase=[bend], hole_middle_right_y=1e-3))
+    assert aside == pytest.approx(math.sqrt(0.1**2 + 0.025**2 - 0.024**2), rel=1e-12)
