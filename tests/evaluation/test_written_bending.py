@@ -279,7 +279,7 @@ def test_a_fingerprint_tells_names_and_seven_digits_of_every_number() -> None:
 
     same = of("2")
     assert of("2.0000001") == same  # the eighth digit
-    assert of("2.00001") != same  # the sixth
+    assert of("2.000001") != same  # the seventh
     assert of("20") != same  # the exponent
     assert of("2", name="b") != same
     assert of("2", tiny="1e-10") == same  # the rest of a difference that should be 0
