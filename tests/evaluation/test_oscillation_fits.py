@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from dualbend.evaluation import oscillation as osc
+from dualbend.evaluation import sinusoids
 from dualbend.evaluation.oscillation import oscillation_of
 from dualbend.types import Vector
 from support.fits import windows
@@ -16,11 +18,11 @@ T = 0.028
 RNG = np.random.default_rng(7)
 
 
-def fitted(y: Vector, rate: float, frequency_hz: float) -> osc._Fits:
+def fitted(y: Vector, rate: float, frequency_hz: float) -> sinusoids.Fits:
     """Return the fit of one window (rows,) from a guess nearby."""
-    bank = osc._bank(y.size, T)
+    bank = sinusoids._bank(y.size, T)
     guess = np.array([rate]), np.array([2.0 * np.pi * frequency_hz])
-    return osc._refined(bank.detrended(y[np.newaxis]), np.array([0]), bank, guess)
+    return sinusoids._refined(bank.detrended(y[np.newaxis]), np.array([0]), bank, guess)
 
 
 def middle_times(count: int) -> Vector:
@@ -63,7 +65,7 @@ def test_a_record_tells_its_amplitude_from_one_second_on() -> None:
 @pytest.mark.parametrize(("count", "degree"), [(30, 2), (60, 2), (61, 3), (120, 3)])
 def test_a_damped_sinusoid_on_a_polynomial_is_found_from_a_guess(count: int, degree: int) -> None:
     times = middle_times(count)
-    assert osc._degree(count * T) == degree
+    assert sinusoids.degree(count * T) == degree
     trend = parabola(times) + (0.02 * times**3 if degree == 3 else 0.0)
     wave = 0.05 * np.exp(-1.3 * times) * np.cos(2.0 * np.pi * 2.4 * times + 0.7)
     fit = fitted(trend + wave, -0.9, 2.3)
@@ -83,7 +85,7 @@ def test_a_damped_sinusoid_on_a_polynomial_is_found_from_a_guess(count: int, deg
 def test_the_error_of_a_rate_is_four_standard_errors_by_cramer_and_rao(
     rate: float, frequency_hz: float, count: int
 ) -> None:
-    times, degree = middle_times(count), osc._degree(count * T)
+    times, degree = middle_times(count), sinusoids.degree(count * T)
     wave = 0.05 * np.exp((rate + 2j * np.pi * frequency_hz) * times + 0.4j)
     noise = 1e-4 * np.random.default_rng(count).normal(size=count)
     fit = fitted(parabola(times) + wave.real + noise, rate, frequency_hz)
@@ -98,7 +100,7 @@ def test_the_error_of_a_rate_is_four_standard_errors_by_cramer_and_rao(
     residual = y - linear @ found
     variance = residual @ residual / (count - (degree + 1) - 4)
     spread = math.sqrt(variance * np.linalg.inv(jacobian.T @ jacobian)[-2, -2])
-    white = osc._white(residual[np.newaxis])[0]
+    white = sinusoids._white(residual[np.newaxis])[0]
     coloured = 1.0 if white else math.sqrt(count)
     assert fit.error[0] == pytest.approx(4.0 * spread * coloured, rel=1e-3)
     assert fit.rest[0] == pytest.approx(math.sqrt((residual**2).mean()), rel=1e-4)
@@ -134,7 +136,7 @@ def test_the_bend_is_the_change_of_the_rate_between_middle_and_end(curved: float
 
 def test_a_plane_is_least_squares_in_two_regressors() -> None:
     a, b, y = RNG.normal(size=(3, 5, 20))
-    plane = osc._Plane(a, b)
+    plane = sinusoids._Plane(a, b)
     p, q = plane.fit(y)
     off = plane.off(y)
     for i in range(5):
@@ -143,13 +145,13 @@ def test_a_plane_is_least_squares_in_two_regressors() -> None:
         np.testing.assert_allclose([p[i], q[i]], expected, rtol=1e-9)
         np.testing.assert_allclose([off[i] @ a[i], off[i] @ b[i]], 0.0, atol=1e-12)
     # Where there is no plane nothing is fitted.
-    none = osc._Plane(a, 2.0 * a)
+    none = sinusoids._Plane(a, 2.0 * a)
     assert np.abs(np.stack(none.fit(y))).max() < 1e30
 
 
 def test_the_trend_of_a_window_is_a_polynomial_and_the_grid_covers_what_is_looked_for() -> None:
     for count, degree in ((40, 2), (100, 3)):
-        bank = osc._bank(count, T)
+        bank = sinusoids._bank(count, T)
         times = middle_times(count)
         np.testing.assert_allclose(bank.times, times, atol=1e-12)
         powers = np.stack([times**k for k in range(degree + 1)])
@@ -181,7 +183,7 @@ def test_the_trend_of_a_window_is_a_polynomial_and_the_grid_covers_what_is_looke
 
 
 def test_short_windows_are_looked_at_with_all_rates() -> None:
-    bank = osc._bank(12, T)
+    bank = sinusoids._bank(12, T)
     assert np.unique(bank.rate)[[0, -1]] == pytest.approx([-12.0, 12.0], abs=1.0 / (12 * T))
     assert np.abs(bank.rate).max() <= 12.0
 
@@ -189,7 +191,7 @@ def test_short_windows_are_looked_at_with_all_rates() -> None:
 def test_windows_have_every_length_from_12_rows_to_four_seconds() -> None:
     """A law that holds for long is told by long windows, one that ends soon by short ones."""
     wave = np.cos(2.0 * np.pi * 3.1 * np.arange(160) * T)
-    found = np.unique(osc._fitted(wave, T).rows)
+    found = np.unique(sinusoids.fitted(wave, T).rows)
     # Exact: each 1.26 times the one before, in whole rows.
     assert found.tolist() == [round(12 * 1.26**i) for i in range(12)]
 
@@ -197,26 +199,30 @@ def test_windows_have_every_length_from_12_rows_to_four_seconds() -> None:
 @pytest.mark.parametrize("count", [60, 200])
 def test_white_noise_is_white_as_often_as_the_test_says(count: int) -> None:
     noise = np.random.default_rng(3).normal(size=(4000, count))
-    # Statistical, n = 4000, four standard errors: Ljung and Box's Q of 12 lags is χ²₁₂, below 14.4.
-    expected = float(chi2.cdf(1.2 * 12, 12))
+    # Statistical, n = 4000, four standard errors: Ljung and Box's Q of 12 lags is χ²₁₂, below 16.8.
+    expected = float(chi2.cdf(1.4 * 12, 12))
     spread = 4.0 * math.sqrt(expected * (1.0 - expected) / 4000) + 3.0 / count
-    assert osc._white(noise).mean() == pytest.approx(expected, abs=spread)
+    assert sinusoids._white(noise).mean() == pytest.approx(expected, abs=spread)
     walk = np.cumsum(noise[:100], axis=1)
-    assert not osc._white(walk - walk.mean(axis=1, keepdims=True)).any()
+    assert not sinusoids._white(walk - walk.mean(axis=1, keepdims=True)).any()
 
 
 def test_the_whiteness_of_a_series_by_hand() -> None:
     """Ljung and Box (1978): Q = n (n + 2) Σ ρ_k²/(n − k) over 12 lags, n/3 if that is less."""
     for count, lags in ((15, 5), (36, 12), (60, 12)):
         series = np.random.default_rng(count).normal(size=(200, count))
-        told = osc._white(series)
+        told = sinusoids._white(series)
         for row, white in zip(series, told, strict=True):
             rho = [row[k:] @ row[:-k] / (row @ row) for k in range(1, lags + 1)]
             q = count * (count + 2) * sum(r**2 / (count - k) for k, r in enumerate(rho, start=1))
-            assert white == (q < 1.2 * lags)
+            assert white == (q < 1.4 * lags)
 
 
 # --- which windows tell -------------------------------------------------------------------------
+
+
+def telling(fits: sinusoids.Fits, period_s: float) -> tuple[NDArray[np.bool_], str]:
+    return osc._telling(fits, osc._oscillating(fits, period_s), period_s)
 
 
 NOISE, NOTHING = "too short or too noisy to tell a rate", "nothing oscillates well above"
@@ -239,10 +245,10 @@ BENT = "its amplitude is nowhere exponential for long enough"
         ({"rate": 4.4, "rows": 51, "error": 0.3}, False, NOTHING),
         ({"frequency": 0.75, "rows": 48}, True, ""),
         ({"frequency": 0.75, "rows": 47}, False, NOTHING),
-        # A residual below 0.4 of the oscillation.
-        ({"rest": 0.39}, True, ""),
-        ({"rest": 0.79, "size": 2.0}, True, ""),
-        ({"rest": 0.41}, False, NOTHING),
+        # A residual below a quarter of the oscillation.
+        ({"rest": 0.24}, True, ""),
+        ({"rest": 0.49, "size": 2.0}, True, ""),
+        ({"rest": 0.26}, False, NOTHING),
         # An error of at most 0.2 1/s or a tenth, a bend of half of that.
         ({"error": 0.19}, True, ""),
         ({"error": 0.21}, False, NOISE),
@@ -257,7 +263,7 @@ BENT = "its amplitude is nowhere exponential for long enough"
 def test_a_window_tells_a_rate_up_to_each_of_its_bounds(
     changed: dict[str, Any], tells: bool, says: str
 ) -> None:
-    told, reason = osc._telling(windows(**changed), T)
+    told, reason = telling(windows(**changed), T)
     assert told.tolist() == [tells]
     assert reason.startswith(says)
     assert bool(reason) is not tells
@@ -270,14 +276,8 @@ def test_a_window_tells_a_rate_up_to_each_of_its_bounds(
 )
 def test_a_bound_itself_is_allowed(edge: dict[str, float]) -> None:
     # Exact in binary: four rows of half a second.
-    told, _ = osc._telling(windows(rows=4, **edge), 0.5)
+    told, _ = telling(windows(rows=4, **edge), 0.5)
     assert told.tolist() == [True]
-
-
-def test_a_start_exactly_a_period_later_is_tried_too() -> None:
-    # Exact in binary: a period of 0.5 Hz is four rows of half a second.
-    fits = windows(start=np.array([0, 4, 5]), frequency=0.5, error=np.array([0.1, 0.05, 0.01]))
-    assert osc._by_start(fits, np.ones(3, dtype=bool), 0.5) == [1, 0]
 
 
 def test_a_record_of_exactly_a_second_is_long_enough() -> None:
@@ -286,25 +286,8 @@ def test_a_record_of_exactly_a_second_is_long_enough() -> None:
 
 
 def test_an_oscillation_below_a_tenth_of_the_largest_does_not_count() -> None:
-    told, _ = osc._telling(windows(size=np.array([1.0, 0.11, 0.09])), T)
+    told, _ = telling(windows(size=np.array([1.0, 0.11, 0.09])), T)
     assert told.tolist() == [True, True, False]
     # The largest of those that oscillate.
-    told, _ = osc._telling(windows(size=np.array([1.0, 0.11]), rest=np.array([0.9, 0.01])), T)
+    told, _ = telling(windows(size=np.array([1.0, 0.11]), rest=np.array([0.9, 0.01])), T)
     assert told.tolist() == [False, True]
-
-
-def test_the_best_window_of_each_start_within_a_period_is_tried_best_first() -> None:
-    fits = windows(
-        start=np.array([4, 4, 9, 18, 19, 3]),
-        error=np.array([0.10, 0.05, 0.08, 0.01, 0.001, 0.001]),
-        frequency=2.5,
-    )
-    told = np.array([True, True, True, True, True, False])
-    # Exact: a period of 2.5 Hz is 14.3 rows after the first that tells, row 4.
-    assert osc._by_start(fits, told, T) == [3, 1, 2]
-    # An error counts against what is allowed: 0.2 1/s, or a tenth of a fast rate.
-    fast = windows(start=np.array([0, 1]), rate=np.array([-8.0, -1.0]), error=np.array([0.3, 0.1]))
-    assert osc._by_start(fast, np.array([True, True]), T) == [0, 1]
-    # Windows of a single start tell nothing.
-    assert osc._by_start(fits, np.array([True, True, False, False, False, False]), T) == []
-    assert osc._by_start(fits, np.zeros(6, dtype=bool), T) == []

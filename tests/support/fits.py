@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from dualbend.evaluation import oscillation as osc
+from dualbend.evaluation.sinusoids import Fits
 
 
-def windows(**changed: Any) -> osc._Fits:
+def windows(**changed: Any) -> Fits:
     """Return one window that tells a rate, but for what is changed."""
     parts: dict[str, Any] = {
         "start": 0,
@@ -20,4 +20,4 @@ def windows(**changed: Any) -> osc._Fits:
         "size": 1.0,
     }
     size = max(np.size(value) for value in changed.values()) if changed else 1
-    return osc._Fits(*(np.resize(value, size) for value in {**parts, **changed}.values()))
+    return Fits(*(np.resize(value, size) for value in {**parts, **changed}.values()))
