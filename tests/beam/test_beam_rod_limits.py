@@ -7,6 +7,7 @@ import pytest
 
 from dualbend.beam import elastica as el
 from dualbend.beam.rod import planar as rod
+from dualbend.beam.rod.state import RESIDUAL_TOLERANCE
 from dualbend.errors import InputError
 from support.sheets import PANEL
 
@@ -82,6 +83,25 @@ def test_heavy_limp_sheet_hangs_as_a_catenary() -> None:
     # Analytic limit of EI → 0: boundary layers of √(EI/qa) ≈ 9 mm, so within 3 %.
     assert state.end_force_n == pytest.approx(-q * a, rel=0.03)
     assert state.rise_m == pytest.approx(a * (math.cosh(x / a) - 1), rel=0.03)
+
+
+def test_what_is_too_limp_to_resolve_says_so_and_keeps_the_best_that_was_found() -> None:
+    """Boundary layers of √(EI/qa) ≈ 0.9 mm on 0.6 m are more than 96 functions resolve."""
+    x, a = 0.2, 0.1
+    for _ in range(60):
+        a -= (a * math.sinh(x / a) - L / 2) / (math.sinh(x / a) - x / a * math.cosh(x / a))
+    state = rod.solve_symmetric(1e-6, L, 0.9 * math.atan(L / 2 / a), x, 10.0)
+    assert not state.converged
+    assert state.reason == "not resolved by 96 trial functions"
+    assert state.residual > RESIDUAL_TOLERANCE
+    # Analytic limit of EI → 0: the chain's tension, within EI/(q a³) = 0.1 %.
+    assert state.end_force_n == pytest.approx(-10.0 * a, rel=1e-3)
+
+
+@pytest.mark.parametrize("angle", [math.pi, -math.pi])
+def test_a_grip_that_points_backwards_is_refused(angle: float) -> None:
+    with pytest.raises(InputError, match=r"left angle_rad must lie within ±π"):
+        rod.solve_planar(EI, L, (-0.2, 0.0, angle), (0.2, 0.0, 0.3))
 
 
 def test_weight_of_a_hanging_sheet_lowers_the_end_force() -> None:

@@ -9,7 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from dualbend.beam import elastica
 from dualbend.beam.rod import planar as rod
-from dualbend.beam.rod.space import RodStiffness, SpaceGrip, SpaceState, solve_space
+from dualbend.beam.rod.space import (
+    RodStiffness,
+    SpaceGrip,
+    SpaceState,
+    _Problem,
+    solve_space,
+)
 from dualbend.errors import InputError
 from support.sheets import STRIP
 
@@ -121,6 +127,33 @@ def test_it_is_what_collocation_makes_of_the_same_equations() -> None:
     # Discretisation-limited: both solvers to 1e-6 of the largest load.
     assert state.left[:3] == pytest.approx(found.p, abs=1e-5)
     assert state.left[3:] == pytest.approx(found.y[7:, 0], abs=1e-6)
+
+
+def test_the_stiffness_of_the_strip_by_hand() -> None:
+    # Written down: 57 × 0.5 mm of E = 70.3 GPa; EI_z = E t w³/12, (w/t)² = 12 996 times EI.
+    assert GIVING.lateral_nm2 == pytest.approx(70.3e9 * 0.0005 * 1.85193e-4 / 12, rel=1e-6)
+    assert GIVING.lateral_nm2 / GIVING.bend_nm2 == pytest.approx(12996.0, rel=1e-12)
+    assert GIVING.axial_n == pytest.approx(70.3e9 * 28.5e-6, rel=1e-12)
+    assert GIVING._replace(axial_n=math.inf, lateral_nm2=math.inf) == STRIPS
+
+
+def test_a_grip_out_of_reach_is_missed_by_lengths() -> None:
+    far = grip(0.7 * L, 0, 0)
+    state = solve_space(STRIPS, L, grip(-L / 2, 0, 0), far, np.zeros(6))
+    assert not state.converged
+    # Analytic bound: the rod cannot stretch, and the grips are 1.2 lengths apart.
+    assert state.miss >= 0.2 - 1e-9
+    # As given by shooting one rod that no load bends.
+    units = np.ones(6)
+    problem = _Problem(np.reciprocal(STRIPS), L, grip(-L / 2, 0, 0), far, 0.0, units)
+    r, axes, _, middle = problem.shoot(np.zeros((1, 6)))
+    # Analytic: straight ahead; 0.2 lengths short, along the first axis.
+    np.testing.assert_allclose(r[0], [L / 2, 0, 0], atol=1e-14)
+    np.testing.assert_allclose(middle[0], 0.0, atol=1e-14)
+    np.testing.assert_allclose(problem.miss(r, axes)[0], [0.2, 0, 0, 0, 0, 0], atol=1e-14)
+    turned = _Problem(*problem[:3], grip(L / 2, 0, 0.0, roll=0.02, yaw=-0.03), 0.0, units)
+    # Analytic: angles of a small rotation vector, to their third power.
+    np.testing.assert_allclose(turned.miss(r, axes)[0, 3:], [0.02, 0.0, -0.03], atol=5e-4)
 
 
 def test_what_is_no_rod_is_refused() -> None:

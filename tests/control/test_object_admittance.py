@@ -274,6 +274,11 @@ def test_an_integrator_with_delay(cycles: int, as_latency: bool) -> None:
     assert critical_rate(path, latency, T) == pytest.approx(closed, rel=(2 * cycles - 1) / 4000)
 
 
+def test_a_damper_that_acts_on_what_it_reads_at_once_is_stable_at_any_rate() -> None:
+    # Analytic: the phase of 1/(1 − z⁻¹) lies between −π/2 and 0.
+    assert critical_rate([], 0.0, T) == math.inf
+
+
 def poles(path: Sequence[TransferFunction], latency: int, rate: float) -> Vector:
     """Return the loop's poles: roots in z⁻¹ of (1 − z⁻¹) D + rate T z⁻ˡ N, turned over."""
     above, below = np.array([1.0]), np.array([1.0, -1.0])

@@ -13,7 +13,7 @@ import pytest
 from dualbend.beam.material import find_material, library
 from dualbend.control.guard import SENSOR_AXES
 from dualbend.evaluation.sheet import sheet_report
-from dualbend.evaluation.warnings import name_warnings, run_warnings, scenario_warnings
+from dualbend.evaluation.warnings import _in_a_row, name_warnings, run_warnings, scenario_warnings
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import Trace
 from dualbend.scenario.load import list_scenarios, load_scenario
@@ -314,3 +314,11 @@ def test_the_summary_holds_those_of_before_and_after() -> None:
     assert found == [*scenario_warnings(run.scenario), *run_warnings(run)]
     assert len(found) == 2
     assert run.summary.to_json()["warnings"] == found
+
+
+@pytest.mark.parametrize(
+    ("cycles", "longest"),
+    [("0000", 0), ("", 0), ("0110", 2), ("1011", 2), ("1111", 4), ("1000", 1)],
+)
+def test_the_longest_run_of_cycles(cycles: str, longest: int) -> None:
+    assert _in_a_row(np.array([cycle == "1" for cycle in cycles], dtype=bool)) == longest

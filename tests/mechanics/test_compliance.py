@@ -36,11 +36,24 @@ def test_series_is_the_inverse_of_summed_compliances() -> None:
     np.testing.assert_allclose(series_stiffness(rigid, np.eye(2)), rigid / 3.0, rtol=1e-12)
 
 
+@pytest.mark.parametrize("scale", [1e-6, 0.5, 1e6])
+def test_a_softer_arm_yields_more_in_proportion_however_soft(scale: float) -> None:
+    jacobian, stiffness = np.array([[1.0, 0.4], [0.2, 1.0]]), np.array([3.0, 5.0])
+    # Analytic: no scale of stiffness is special, so the units do not matter.
+    np.testing.assert_allclose(
+        endpoint_compliance(jacobian, scale * stiffness),
+        endpoint_compliance(jacobian, stiffness) / scale,
+        rtol=1e-14,
+    )
+
+
 @pytest.mark.parametrize(
     ("jacobian", "stiffness", "says"),
     [
         (np.eye(3), np.ones(4), r"needs stiffness \(n,\)"),
+        (np.ones(3), np.ones(3), r"jacobian \(m, n\)"),
         (np.eye(3), np.array([1.0, 0.0, 1.0]), "positive"),
+        (np.eye(3), np.array([1.0, 1.0, np.nan]), "positive"),
     ],
 )
 def test_what_is_no_spring_is_refused(jacobian: Vector, stiffness: Vector, says: str) -> None:

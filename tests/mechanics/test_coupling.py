@@ -40,6 +40,13 @@ def test_an_arm_without_a_sensor_follows_the_first_that_has_one() -> None:
     assert not led.tool(np.eye(3)).any()
 
 
+def test_where_no_arm_complies_there_is_no_loop() -> None:
+    still = Coupling.between(["left"], [], 0.0)
+    assert still.modes(STIFFNESS) == {}
+    assert still.loops(STIFFNESS) == {}
+    assert not still.admittance_compliance(np.eye(2)).any()
+
+
 def test_the_modes_of_two_arms_are_the_whole_motion() -> None:
     """Analytic: the eigenvalues of both modes are those of both arms' stiffness."""
     stiffness = mirror_symmetric()

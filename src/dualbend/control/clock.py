@@ -47,7 +47,7 @@ def steps_per_cycle(step_s: float, period_s: float) -> int:
         raise ValueError(f"step_s = {step_s!r}: must be a positive, finite time in seconds")
     ratio = period_s / step_s
     count = round(ratio)
-    if count >= 1 and abs(ratio - count) <= 1e-9 * count:
+    if abs(ratio - count) <= 1e-9 * count:
         return count
     shorter = math.floor(ratio) + 1
     counts = [shorter] if shorter == 1 else [shorter, shorter - 1]

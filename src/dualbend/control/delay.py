@@ -28,10 +28,9 @@ class TransportDelay:
         self._held = np.zeros((cycles, *shape, size))
         self._oldest = 0
 
-    def reset(self, value: ArrayLike = 0.0) -> None:
+    def reset(self, value: ArrayLike) -> None:
         """Fill the line with one vector, as if it had been sent for ever."""
         self._held[:] = value
-        self._oldest = 0
 
     def update(self, value: Vector) -> Vector:
         """Send one vector and receive the one that was sent `cycles` calls before."""

@@ -116,9 +116,9 @@ class LowPass:
         self.config, self.period_s = config, period_s
         self._numerator, self._denominator = _design(config, period_s)
         self._step, self._steady = _transposed_form(self._numerator, self._denominator)
-        self._signal = np.zeros((*shape, self._step.shape[0], channels))
+        self._signal = np.zeros((*shape, len(self._step), channels))
 
-    def reset(self, value: ArrayLike = 0.0) -> None:
+    def reset(self, value: ArrayLike) -> None:
         """Set the memory to the steady state of a constant input, so that no transient starts."""
         self._signal[..., 0, :] = value
         self._signal[..., 1:, :] = self._steady[:, np.newaxis] * self._signal[..., :1, :]

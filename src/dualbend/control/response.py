@@ -98,7 +98,7 @@ class CommandResponse:
         position: Vector = self._state[..., 0, :].copy()
         return position
 
-    def reset(self, position: ArrayLike = 0.0) -> None:
+    def reset(self, position: ArrayLike) -> None:
         """Rest at a position (..., joints) [rad] that is also the last set-point."""
         self._state[..., 0, :] = self._state[..., 2, :] = position
         self._state[..., 1, :] = 0.0

@@ -53,7 +53,7 @@ def wrench_response(stiffness: Vector, of: int, moved: Collection[int]) -> Vecto
 
 
 def _block(stiffness: Vector, of: int, by: int) -> Vector:
-    return stiffness[3 * of : 3 * of + 3, 3 * by : 3 * by + 3]
+    return stiffness.reshape(2, 3, 2, 3)[of, :, by]
 
 
 @dataclass(frozen=True, kw_only=True)
