@@ -32,7 +32,7 @@ from dualbend.run.record import task_of
 from dualbend.scenario.scenario import Scenario, without_none
 from dualbend.scene.sheet.strips import StripConfig
 from dualbend.stability.gains import Gains, acting_axes
-from dualbend.stability.limits import beginning, limit
+from dualbend.stability.limits import beginning, limit, reach
 from dualbend.stability.prediction import predict
 from dualbend.stability.search import (
     MOST_TRIES,
@@ -65,6 +65,8 @@ _SEARCH = 0.8
 
 _DEVIATIONS = 3.0
 """Standard deviations between two runs. With five seeds a further run is worse in 3 % of cases."""
+
+_ROUNDING = 1e-9
 
 _STRIPS = "simulated with strips as stiff as a plate: a shell takes 180 times as long"
 
@@ -126,15 +128,37 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
             ]
             alone = "the only one whose runs end as they should"
             return f"tuned: the rms is {' and '.join(parts)}" if parts else f"tuned: {alone}"
-        lacks = (
-            ""
-            if self.chosen.margin.fulfils(self.required)
-            else ", although its margins are below the required ones"
+        why = (
+            "no gains with these margins were found that are better by more than the noise of a run"
         )
-        return (
-            f"{SAID[self.chosen.name]} stays{lacks}: no gains with these margins were found that "
-            "are better by more than the noise of a run"
-        )
+        if self.found.stops:
+            count, most = len(self.found.stops), len(self.found.moments)
+            why = f"with the best gains found {count} of {most} runs stop: {self.found.stops[0]}"
+        return f"{SAID[self.chosen.name]} stays{self._although}: {why}"
+
+    @property
+    def _although(self) -> str:
+        """What speaks against one that stays."""
+        if not self.chosen.margin.fulfils(self.required):
+            return ", although its margins are below the required ones"
+        for other in self.outcomes[:-1]:
+            if other.rms_nm < self.chosen.rms_nm:
+                higher = 100.0 * (other.peak_nm / self.chosen.peak_nm - 1.0)
+                return f", since with {SAID[other.name]} the peak is {higher:.2g} % higher"
+        return ""
+
+
+def _stays(outcomes: Sequence[Outcome]) -> Outcome:
+    """Return the scenario's own where it is worse than no compliance in nothing, else the latter.
+
+    A run that stops has infinite moments; equal peaks before the compliance begins differ by
+    rounding.
+    """
+    none, *rest = outcomes
+    for own in rest:
+        if own.rms_nm <= none.rms_nm and own.peak_nm <= none.peak_nm * (1.0 + _ROUNDING):
+            return own
+    return none
 
 
 def surpasses(new: Vector, old: Vector) -> bool:
@@ -149,7 +173,7 @@ def surpasses(new: Vector, old: Vector) -> bool:
         return True
     gained = np.log(old / new)
     rms, peak = gained.mean(axis=0) - _DEVIATIONS * gained.std(axis=0, ddof=1)
-    return bool(rms > 0.0 and peak >= -1e-9)
+    return bool(rms > 0.0 and peak >= -_ROUNDING)
 
 
 def tune(
@@ -191,7 +215,7 @@ def tune(
         for axis in acting_axes(start, scenario.path.end_rad)
     ]
     on_progress(1.0)
-    chosen = found if better else min(outcomes, key=lambda outcome: outcome.rms_nm)
+    chosen = found if better else _stays(outcomes)
     return Tuning(
         scenario=msgspec.structs.replace(
             with_compliance(given, chosen.compliance), name=f"{given.name}-tuned"
@@ -199,7 +223,12 @@ def tune(
         required=required,
         chosen=chosen,
         outcomes=(*outcomes, found),
-        limits=(*limits, *beginning(scenario, start), *([_STRIPS] if given != scenario else [])),
+        limits=(
+            *limits,
+            *reach(scenario, start),
+            *beginning(scenario, start),
+            *([_STRIPS] if given != scenario else []),
+        ),
         tried=search.tried,
     )
 
