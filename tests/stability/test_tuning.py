@@ -430,6 +430,37 @@ def test_gains_whose_runs_stop_are_said_to() -> None:
     assert "with the best gains found 2 of 3 runs stop: protective_stop: out of reach" in said
 
 
+@pytest.mark.parametrize(("stops_above", "left"), [(10.0, 1.0), (0.3, 0.125), (0.0, 2.0**-11)])
+def test_gains_whose_runs_stop_are_halved_until_none_does_and_once_more(
+    monkeypatch: pytest.MonkeyPatch, stops_above: float, left: float
+) -> None:
+    """Analytic: of compliances 1, 1/2, 1/4 ... the first below 0.3 is 1/4, half of it 1/8.
+
+    Where all of ten halvings stop, the eleventh is what is looked at, and stops as well.
+    """
+    start = outcome("tuned", SIZES["tuned"])
+    unit = start.compliance.x
+    assert unit is not None
+
+    def simulated(name: Name, _: Scenario, config: Gains, seeds: int) -> Outcome:
+        assert config.x is not None
+        stops = seeds if unit.k / config.x.k > stops_above else 0
+        found = outcome(name, SIZES["tuned"], stops)
+        return msgspec.structs.replace(found, compliance=config)
+
+    monkeypatch.setattr(tuning, "_outcome", simulated)
+    first = simulated("tuned", load_scenario("fig8"), gains("fig8"), 3)
+    found, stopped = tuning._stiffened(load_scenario("fig8"), first, 3)
+    assert found.compliance.x is not None
+    assert unit.k / found.compliance.x.k == pytest.approx(left, rel=1e-3)
+    assert bool(found.stops) is (stops_above == 0.0)
+    if stopped is None:
+        assert left == 1.0
+    elif not found.stops:
+        assert stopped.compliance.x is not None
+        assert unit.k / stopped.compliance.x.k == pytest.approx(4.0 * left, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("result", "own", "stopped", "true", "strict"),
     [
