@@ -1,4 +1,4 @@
-"""What keeps a tuned compliance from doing more: margin, noise, delay, or the force itself.
+"""What keeps a tuned compliance from doing more: margin, noise, delay, force, reach of the arms.
 
 Each answer is an experiment. An axis is made more compliant than the search made it; if its margins
 forbid that, they are the limit. If they do not, the same step is simulated without noise of the
@@ -15,9 +15,12 @@ import msgspec
 import numpy as np
 
 from dualbend.control.compliance.admittance import ComplianceConfig, NoComplianceConfig
+from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.gains import Gains, Knob, turned
+from dualbend.stability.plant.environment import scenario_coupling
+from dualbend.stability.plant.pose import PosedArm
 from dualbend.stability.search import (
     Margin,
     min_margin,
@@ -31,6 +34,8 @@ MORE = 1.6
 """How many times as compliant an axis is made, to see what that costs."""
 
 _NOTICEABLE = 1e-3
+
+_REACH_PLACES, _REACH_M = 21, 5e-5
 
 
 def limit(
@@ -78,7 +83,9 @@ def _changed(scenario: Scenario, before: Gains, after: Gains, seeds: Sequence[in
         np.array([simulate(with_compliance(scenario, gains), seed)[0] for seed in seeds])
         for gains in (before, after)
     )
-    return np.asarray(new / old - 1.0)
+    # Where runs of both stop, ∞/∞ says that nothing can be said.
+    with np.errstate(invalid="ignore"):
+        return np.asarray(new / old - 1.0)
 
 
 def said(margin: Margin) -> str:
@@ -107,6 +114,45 @@ def beginning(scenario: Scenario, compliance: Gains) -> Iterator[str]:
         f"{100.0 * share:.0f} % of the mean square of the moment are over when the compliance "
         f"begins, at {first:g} rad{peak}"
     )
+
+
+def reach(scenario: Scenario, compliance: Gains) -> Iterator[str]:
+    """Yield where the arms cannot follow x as far as it may deviate, if there is such a place."""
+    if compliance.x is None:
+        return
+    path = scenario.path.make(scenario.sheet.length_m)
+    start, end = scenario.path.start_rad, scenario.path.end_rad
+    arm: PosedArm | None = None
+    found: list[tuple[float, str, float]] = []
+    for alpha in np.linspace(start, end, _REACH_PLACES).tolist():
+        half_distance, rise = path.at(alpha)
+        pose = np.array([-half_distance, scenario.cell.sheet_height_m + rise, alpha])
+        arm = arm or PosedArm(scenario, pose)
+        along = scenario_coupling(scenario, alpha).deviation_jacobian[:, 0]
+        for way, sign in (("inward", 1.0), ("outward", -1.0)):
+            found.append((_room(arm, pose, sign * along, compliance.limit_x_m), way, alpha))
+    room, way, alpha = min(found)
+    if room < compliance.limit_x_m:
+        yield (
+            f"the reach of the arms: at {alpha:.2f} rad they can go {1e3 * room:.1f} mm {way} of "
+            f"the path, and x may deviate by {1e3 * compliance.limit_x_m:g} mm; a run that asks "
+            "for more stops"
+        )
+
+
+def _room(arm: PosedArm, pose: Vector, along: Vector, most: float) -> float:
+    """Return how far an arm can go from a pose along a direction, at most ``most`` [m]."""
+    low, high = 0.0, most
+    by = most
+    while high - low > _REACH_M:
+        try:
+            arm.move(pose + by * along)
+            low = by
+        except InputError:
+            high = by
+        by = (low + high) / 2.0
+    arm.move(pose)
+    return low
 
 
 def _without_noise(scenario: Scenario) -> Scenario:

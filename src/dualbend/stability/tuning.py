@@ -31,8 +31,8 @@ from dualbend.files import write_whole
 from dualbend.run.record import task_of
 from dualbend.scenario.scenario import Scenario, without_none
 from dualbend.scene.sheet.strips import StripConfig
-from dualbend.stability.gains import Gains, acting_axes
-from dualbend.stability.limits import beginning, limit
+from dualbend.stability.gains import Gains, acting_axes, softened
+from dualbend.stability.limits import beginning, limit, reach
 from dualbend.stability.prediction import predict
 from dualbend.stability.search import (
     MOST_TRIES,
@@ -66,6 +66,10 @@ _SEARCH = 0.8
 _DEVIATIONS = 3.0
 """Standard deviations between two runs. With five seeds a further run is worse in 3 % of cases."""
 
+_ROUNDING = 1e-9
+
+_STIFFER, _MOST_STIFFENED = 0.5, 10
+
 _STRIPS = "simulated with strips as stiff as a plate: a shell takes 180 times as long"
 
 Name = Literal["none", "own", "tuned"]
@@ -94,6 +98,11 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     def peak_nm(self) -> float:
         """Mean peak of the moment [N m]."""
         return float(self.moments[:, 1].mean())
+
+    @property
+    def stopped(self) -> str:
+        """How many runs stop, and how the first one does."""
+        return f"{len(self.stops)} of {len(self.moments)} runs stop: {self.stops[0]}"
 
 
 class Tuning(msgspec.Struct, frozen=True, kw_only=True):
@@ -126,15 +135,37 @@ class Tuning(msgspec.Struct, frozen=True, kw_only=True):
             ]
             alone = "the only one whose runs end as they should"
             return f"tuned: the rms is {' and '.join(parts)}" if parts else f"tuned: {alone}"
-        lacks = (
-            ""
-            if self.chosen.margin.fulfils(self.required)
-            else ", although its margins are below the required ones"
+        why = (
+            f"with the best gains found {self.found.stopped}"
+            if self.found.stops
+            else "no gains with these margins were found that are better by more than the noise of "
+            "a run"
         )
-        return (
-            f"{SAID[self.chosen.name]} stays{lacks}: no gains with these margins were found that "
-            "are better by more than the noise of a run"
-        )
+        return f"{SAID[self.chosen.name]} stays{self._although}: {why}"
+
+    @property
+    def _although(self) -> str:
+        """What speaks against one that stays."""
+        if not self.chosen.margin.fulfils(self.required):
+            return ", although its margins are below the required ones"
+        for other in self.outcomes[:-1]:
+            if other.rms_nm < self.chosen.rms_nm:
+                higher = 100.0 * (other.peak_nm / self.chosen.peak_nm - 1.0)
+                return f", since with {SAID[other.name]} the peak is {higher:.2g} % higher"
+        return ""
+
+
+def _stays(outcomes: Sequence[Outcome]) -> Outcome:
+    """Return the scenario's own where it is worse than no compliance in nothing, else the latter.
+
+    A run that stops has infinite moments; equal peaks before the compliance begins differ by
+    rounding.
+    """
+    none, *rest = outcomes
+    for own in rest:
+        if own.rms_nm <= none.rms_nm and own.peak_nm <= none.peak_nm * (1.0 + _ROUNDING):
+            return own
+    return none
 
 
 def surpasses(new: Vector, old: Vector) -> bool:
@@ -149,7 +180,7 @@ def surpasses(new: Vector, old: Vector) -> bool:
         return True
     gained = np.log(old / new)
     rms, peak = gained.mean(axis=0) - _DEVIATIONS * gained.std(axis=0, ddof=1)
-    return bool(rms > 0.0 and peak >= -1e-9)
+    return bool(rms > 0.0 and peak >= -_ROUNDING)
 
 
 def tune(
@@ -184,14 +215,22 @@ def tune(
         on_try=lambda tried: on_progress(_SEARCH * tried / MOST_TRIES),
     )
     trials = search.run(start)
-    found, better = _compared(scenario, trials, outcomes, required, seeds)
+    found, better, stopped = _compared(scenario, trials, outcomes, required, seeds)
     on_progress(_SEARCH + (1.0 - _SEARCH) / 2.0)
-    limits = [
-        f"{axis} is limited by " + limit(scenario, found.compliance, axis, required, SEARCH_SEEDS)
-        for axis in acting_axes(start, scenario.path.end_rad)
-    ]
+    limits = (
+        [
+            f"all gains are limited by runs that stop: {_STIFFER**-2:g} times as compliant "
+            f"{stopped.stopped}"
+        ]
+        if stopped
+        else [
+            f"{axis} is limited by "
+            + limit(scenario, found.compliance, axis, required, SEARCH_SEEDS)
+            for axis in acting_axes(start, scenario.path.end_rad)
+        ]
+    )
     on_progress(1.0)
-    chosen = found if better else min(outcomes, key=lambda outcome: outcome.rms_nm)
+    chosen = found if better else _stays(outcomes)
     return Tuning(
         scenario=msgspec.structs.replace(
             with_compliance(given, chosen.compliance), name=f"{given.name}-tuned"
@@ -199,7 +238,12 @@ def tune(
         required=required,
         chosen=chosen,
         outcomes=(*outcomes, found),
-        limits=(*limits, *beginning(scenario, start), *([_STRIPS] if given != scenario else [])),
+        limits=(
+            *limits,
+            *reach(scenario, start),
+            *beginning(scenario, start),
+            *([_STRIPS] if given != scenario else []),
+        ),
         tried=search.tried,
     )
 
@@ -261,16 +305,43 @@ def _compared(
     outcomes: Sequence[Outcome],
     required: Margin,
     seeds: int,
-) -> tuple[Outcome, bool]:
-    """Return the best trial that is better than all outcomes, else the best one, and whether."""
+) -> tuple[Outcome, bool, Outcome | None]:
+    """Return the best trial that is better than all outcomes, else the best one, and whether.
+
+    The third is what was too compliant, if runs of the trials stop and stiffer gains had to do.
+    """
+
+    def better(found: Outcome) -> bool:
+        return found.margin.fulfils(required) and all(
+            surpasses(found.moments, other.moments) for other in outcomes
+        )
+
     found = []
     for trial in trials[:_LOOKED_AT]:
         found.append(_outcome("tuned", scenario, trial.compliance, seeds))
-        if found[-1].margin.fulfils(required) and all(
-            surpasses(found[-1].moments, other.moments) for other in outcomes
-        ):
-            return found[-1], True
-    return found[0], False
+        if better(found[-1]):
+            return found[-1], True, None
+    stiffer, stopped = _stiffened(scenario, found[0], seeds)
+    return (stiffer, True, stopped) if stopped and better(stiffer) else (found[0], False, None)
+
+
+def _stiffened(scenario: Scenario, found: Outcome, seeds: int) -> tuple[Outcome, Outcome | None]:
+    """Return gains of which no run stops, and the stiffest tried of which one does.
+
+    Halved until no run stops, and once more, since other noise goes further than that of a few
+    runs. Gains of which no run stops stay.
+    """
+    stopped = None
+    for _ in range(_MOST_STIFFENED):
+        if not found.stops:
+            break
+        stopped, found = found, _halved(scenario, found, seeds)
+    return (_halved(scenario, found, seeds), stopped) if stopped else (found, None)
+
+
+def _halved(scenario: Scenario, found: Outcome, seeds: int) -> Outcome:
+    assert not isinstance(found.compliance, NoComplianceConfig)
+    return _outcome("tuned", scenario, softened(found.compliance, _STIFFER), seeds)
 
 
 def write_scenario(tuning: Tuning, base: str, path: Path) -> None:
