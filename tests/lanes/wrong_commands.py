@@ -61,7 +61,7 @@ def case_of(chance: random.Random, folder: Path) -> Case:
         else:
             case.environment[name] = value
             if name == "MUJOCO_GL" and case.codes:  # MuJoCo itself refuses to be imported
-                case.codes |= {2}
+                case.codes, case.leaves = case.codes | {2}, ()
     if chance.random() < 0.6:
         _streams(chance, case)
     return case
