@@ -85,10 +85,10 @@ class GraspConfig(Config):
     """
 
     translational_stiffness_n_per_m: Annotated[
-        float, said("of the pads along x, y and z", ge=1, le=1e10)
+        float, said("of the pads along x, y and z", ge=1, le=1e12)
     ] = 0.96e6
     rotational_stiffness_n_m_per_rad: Annotated[
-        float, said("of the pads about x, y and z", ge=1e-3, le=1e8)
+        float, said("of the pads about x, y and z", ge=1e-3, le=1e9)
     ] = 267.0
     loss_time_s: Annotated[float, said("damping over stiffness; rubber", ge=0, le=0.1)] = 1.6e-3
 
