@@ -1,4 +1,4 @@
-"""Bounds of the fit of a damped sinusoid: which windows, how far from a guess, which frequencies."""
+"""Bounds of the fit of a damped sinusoid: which windows, how far from a guess, how fast."""
 
 import math
 
