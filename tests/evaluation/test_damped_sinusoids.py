@@ -113,3 +113,13 @@ def test_the_onset_of_at_most_six_windows_is_looked_for(monkeypatch: pytest.Monk
     assert len(set(asked)) == len(asked) == 6
     assert found.growth_per_s is None
     assert found.reason == "no exponential part reaches back to the onset"
+
+
+def test_the_best_window_of_a_start_is_that_of_the_smallest_error_over_what_it_may_be() -> None:
+    """A tenth of the rate: 0.105 of 0.24 1/s is less than 0.1 of 0.22 1/s."""
+    fits = windows(
+        start=np.array([0, 0, 1]),
+        rate=np.array([-2.2, -2.4, -2.3]),
+        error=np.array([0.1, 0.105, 0.2]),
+    )
+    assert osc._by_start(fits, np.ones(3, dtype=bool), T) == [1, 2]
