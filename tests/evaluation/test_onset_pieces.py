@@ -198,3 +198,12 @@ def test_a_window_that_grows_by_e_is_its_own_evidence() -> None:
     for grown, told in ((1.01, True), (0.99, False)):
         fit = windows(start=60, rows=50, rate=grown / (50 * T)).only(0)
         assert osc._sets_in(noise, fit, T) is told
+
+
+@pytest.mark.parametrize(("row", "told"), [(3, True), (4, True), (5, False), (6, False)])
+def test_an_onset_in_the_first_five_rows_is_that_of_the_record(row: int, told: bool) -> None:
+    """Later ones need a likelihood ratio, and a window of 12 rows has too few for one."""
+    moment = 0.025 * alternating(100)
+    moment[row:] += wave(100 - row, rate=0.0)
+    fit = windows(start=7, rows=12, rate=0.0).only(0)
+    assert osc._sets_in(moment, fit, T) is told
