@@ -32,7 +32,7 @@ def test_a_law_is_least_squares_in_trend_step_and_wave(rows: int, degree: int) -
         )
         found = np.linalg.lstsq(columns, piece, rcond=None)[0]
         # Analytic: numpy's own least squares; a constant is one of the columns.
-        assert left == pytest.approx(float(((piece - columns @ found) ** 2).sum()), rel=1e-6)
+        assert left == pytest.approx(float(((piece - columns @ found) ** 2).mean()), rel=1e-6)
     # Rows less the columns: trend, two steps, two parts of a wave, its rate and frequency.
     assert laws.freedom == rows - (degree + 1) - 2 - 4
 

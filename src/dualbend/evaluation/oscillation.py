@@ -8,6 +8,7 @@ the oscillation set in at once and not after a fast rise: a plateau is no steady
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from dualbend.evaluation.sinusoids import (
-    FEWEST_SAMPLES,
     HIGHEST_HZ,
     LARGEST_EXPONENT,
     PIECES_BELOW_HZ,
@@ -60,8 +60,8 @@ _LIKELIER, _VETO = 50.0, 40.0
 _OFF, _TIGHT = 0.06, 0.03
 """Residual over oscillation where an onset is found, and where the law holds back to the start."""
 
-_TRIED, _HOPS = 6, 9
-"""Windows whose onset is looked for, and quarters of a period by which that goes back."""
+_TRIED = 6
+"""Windows whose onset is looked for."""
 
 _FEWEST_BEFORE = 5
 """Rows before an onset that tell it from a rise."""
@@ -208,38 +208,55 @@ def _sets_in(moment: Vector, fit: Fits, period_s: float) -> bool | None:
     """Tell whether what a window says began at once, at an onset; None if after a fast rise.
 
     Back from the window, pieces of the moment are compared with the law from an onset on, with the
-    law throughout, and with an amplitude that first rises: 2 ln Λ = n ln(S₁/S₀), S sums of squares.
+    law throughout, and with an amplitude that first rises.
     """
     if fit.rate * fit.rows * period_s > _RISEN:
         return True
-    half = max(8, round(0.5 / (float(fit.frequency) * period_s)))
-    rows = min(int(fit.rows), max(FEWEST_SAMPLES, 4 * half))
-    limit = max(1.5 * float(fit.rest), _OFF * float(fit.size))
-    tight = max(1.5 * float(fit.rest), _TIGHT * float(fit.size))
-    back, holds = min(_HOPS * half // 2, rows), True
-    for start in range(int(fit.start), max(int(fit.start) - back, 2), -(half // 2)):
-        first = max(start - 2 * half, 0)
-        piece = moment[first : start + rows]
-        onsets = np.arange(max(start - 3 * half // 2 - first, 1), start - first + max(2, half // 4))
-        times: Vector = np.arange(piece.size, dtype=np.float64) * period_s
-        before = times - times[onsets][:, None]
-        laws = _Laws(piece, times, before, fit)
+    largest, tight = (max(1.5 * float(fit.rest), part * float(fit.size)) for part in (_OFF, _TIGHT))
+    holds = True
+    for first, stop, onsets in _pieces(fit, period_s):
+        times: Vector = np.arange(stop - first, dtype=np.float64) * period_s
+        before = times - times[onsets - first][:, None]
+        laws = _Laws(moment[first:stop], times, before, fit)
         ever = float(laws.left(np.ones_like(before)).min())
         own = laws.left(np.where(before >= 0.0, 1.0, 0.0))
-        best = int(own.argmin())
-        if first == 0 and holds:
-            since = own[best] if onsets[best] < _FEWEST_BEFORE else ever
-            if min(since, ever) <= piece.size * tight**2:
-                return True
-        holds = holds and ever <= piece.size * tight**2
-        rising = min(float(laws.left(_rise(before, *rise)).min()) for rise in _RISES)
-        likelier = laws.freedom * math.log(rising / min(float(own[best]), ever))
-        if likelier < -_VETO and rising <= piece.size * limit**2:
-            return None
-        at_once = own[best] < min(ever, piece.size * limit**2) and likelier > _LIKELIER
-        if at_once and 1 < best < onsets.size - 1:
+        from_start = first == 0 and onsets[own.argmin()] < _FEWEST_BEFORE
+        if first == 0 and holds and min(own.min() if from_start else ever, ever) <= tight**2:
             return True
+        holds = holds and ever <= tight**2
+        rising = min(float(laws.left(_rise(before, *rise)).min()) for rise in _RISES)
+        found = _at_once(own, ever, rising, laws.freedom, largest)
+        if found is not False:
+            return found
     return int(fit.start) < _FEWEST_BEFORE
+
+
+def _pieces(fit: Fits, period_s: float) -> Iterator[tuple[int, int, NDArray[np.int_]]]:
+    """Yield first row, row after the last, and the rows of onsets, back in quarters of a period.
+
+    A piece begins a period before its middle and ends two after it; the onsets are from three
+    quarters before to an eighth after it. A half period counts as at least 8 rows.
+    """
+    half = max(8, round(0.5 / (float(fit.frequency) * period_s)))
+    rows = min(int(fit.rows), 4 * half)
+    for middle in range(int(fit.start), max(int(fit.start) - rows, 2), -(half // 2)):
+        first = max(middle - 2 * half, 0)
+        onsets = np.arange(max(middle - 3 * half // 2, first + 1), middle + half // 4)
+        yield first, middle + rows, onsets
+
+
+def _at_once(own: Vector, ever: float, rising: float, freedom: int, largest: float) -> bool | None:
+    """Tell whether an onset is likelier than all else, None if a rise is: 2 ln Λ = n ln(S₁/S₀).
+
+    Mean squares S left by the law from each onset on, ever, and after a rise; n degrees of
+    freedom; ``largest`` residual [N m] of what explains a piece. The outermost onsets do not count.
+    """
+    best = int(own.argmin())
+    likelier = freedom * math.log(rising / min(float(own[best]), ever))
+    if likelier < -_VETO and rising <= largest**2:
+        return None
+    inside = 1 < best < own.size - 1
+    return inside and likelier > _LIKELIER and bool(own[best] < min(ever, largest**2))
 
 
 def _rise(before: Vector, rate: float, smallest: float) -> Vector:
@@ -251,21 +268,19 @@ class _Laws:
     """Least squares of a piece of moment (n,) in trend, a step at each onset, and a wave."""
 
     def __init__(self, piece: Vector, times: Vector, before: Vector, fit: Fits) -> None:
-        middle, duration = times[-1] / 2.0, times[-1]
-        trend = np.vander(times / duration - 0.5, degree(duration) + 1)
+        trend = np.vander(times, degree(times[-1]) + 1)
         since = np.maximum(before, 0.0)
-        steps = [1.0 - np.exp(-rate * since) for rate in _STEP_RATES]
+        steps = [np.exp(-rate * since) for rate in _STEP_RATES]
         self._known = [*(np.broadcast_to(column, since.shape) for column in trend.T), *steps]
-        pole = complex(fit.rate, 2.0 * math.pi * fit.frequency)
-        self._wave = np.exp(pole * (times - middle))
+        self._wave = np.exp(complex(fit.rate, 2.0 * math.pi * fit.frequency) * times)
         self._piece = piece - piece.mean()
-        self.freedom = max(piece.size - len(self._known) - 4, 1)
+        self.freedom = piece.size - len(self._known) - 4
 
     def left(self, envelope: Vector) -> Vector:
-        """Return the sum of squares that an amplitude (onsets, n) leaves, of each onset."""
+        """Return the mean square that an amplitude (onsets, n) leaves, of each onset [N² m²]."""
         pair = [envelope * self._wave.real, envelope * self._wave.imag]
         columns = np.stack([*self._known, *pair], axis=-1)
         q = np.linalg.qr(columns / np.linalg.norm(columns, axis=1, keepdims=True))[0]
-        explained = np.einsum("onp,n->op", q, self._piece)
-        total = float((self._piece**2).sum())
-        return np.asarray(np.maximum(total - (explained**2).sum(axis=1), 1e-12 * total + 1e-300))
+        explained = (np.einsum("onp,n->op", q, self._piece) ** 2).sum(axis=1) / self._piece.size
+        total = float((self._piece**2).mean())
+        return np.asarray(np.maximum(total - explained, 1e-12 * total))

@@ -105,7 +105,7 @@ class _Bank(NamedTuple):
 def _bank(count: int, period_s: float) -> _Bank:
     duration = count * period_s
     times = np.linspace(-0.5, 0.5, count) * (count - 1) * period_s
-    trend = np.linalg.qr(np.vander(times / duration, degree(duration) + 1))[0]
+    trend = np.linalg.qr(np.vander(times, degree(duration) + 1))[0]
     frequencies = np.arange(1.0 / duration, HIGHEST_HZ + 1.0, 0.4 / duration)
     rates = np.arange(-12.0, 12.01, max(1.0 / duration, 0.75))
     rates = rates[np.abs(rates) * duration < LARGEST_EXPONENT + 1.0]
@@ -147,16 +147,14 @@ def _refined(
 ) -> Fits:
     """Refine σ and ω by Gauss-Newton steps, and say how far they can be trusted."""
     times, count = bank.times, bank.times.size
-    furthest = 1.0 / (count * (times[1] - times[0]))
-    best = np.stack([*guess, np.full(start.size, np.inf)])
-    rate, omega = guess
+    duration = count * (times[1] - times[0])
+    furthest = np.array([[1.0], [1.5]]) / duration
+    pole, best = np.stack(guess), np.stack([*guess, np.full(start.size, np.inf)])
     for _ in range(_STEPS):
-        _, rest, _, tangent = _linear(moved, bank, rate, omega)
+        _, rest, _, tangent = _linear(moved, bank, *pole)
         left = _dot(rest, rest)
-        best = np.where(left < best[2], np.stack([rate, omega, left]), best)
-        by_rate, by_omega = tangent.fit(rest)
-        rate = np.clip(rate + np.clip(by_rate, -furthest, furthest), -20.0, 20.0)
-        omega = omega + np.clip(by_omega, -1.5 * furthest, 1.5 * furthest)
+        best = np.where(left < best[2], np.stack([*pole, left]), best)
+        pole = pole + np.clip(tangent.fit(rest), -furthest, furthest)
     rate, omega, left = best
     wave, rest, plane, tangent = _linear(moved, bank, rate, omega)
     _, _, by_omega2, determinant = tangent.gram
@@ -174,7 +172,7 @@ def _refined(
         rate=rate,
         frequency=omega / (2.0 * np.pi),
         error=_STANDARD_ERRORS * spread * observations,
-        bend=np.abs(second.fit(rest)[0]) * count * (times[1] - times[0]),
+        bend=np.abs(second.fit(rest)[0]) * duration,
         rest=np.sqrt(left / count),
         size=np.sqrt((np.abs(wave) ** 2).mean(axis=1) / 2.0),
     )
@@ -184,8 +182,7 @@ def _linear(
     moved: Vector, bank: _Bank, rate: Vector, omega: Vector
 ) -> tuple[NDArray[np.complex128], Vector, _Plane, _Plane]:
     """Return the best wave of given poles, the residual, and the planes of amplitude and pole."""
-    late = np.abs(rate)[:, None] * bank.times[-1]
-    unit = np.exp((rate[:, None] + 1j * omega[:, None]) * bank.times - late)
+    unit = np.exp((rate[:, None] + 1j * omega[:, None]) * bank.times)
     plane = _Plane(bank.detrended(unit.real), bank.detrended(-unit.imag))
     p, q = plane.fit(moved)
     wave = unit * (p + 1j * q)[:, None]
