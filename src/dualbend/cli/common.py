@@ -220,7 +220,7 @@ def show_warnings(name: str, warnings: Sequence[str]) -> None:
 
 
 def show_end(result: RunRecord) -> None:
-    """Print how a run ended, and what of its warnings was not told before it."""
+    """Print how a run ended, and those of its warnings that were not printed before it."""
     ended = f" ({result.reason})" if result.reason else ""
     click.echo(f"{result.scenario.name}: {result.outcome}{ended}")
     show_warnings(result.scenario.name, result.summary.warnings)
