@@ -1,6 +1,7 @@
 """What can go wrong, as one family of exceptions."""
 
 import reprlib
+import signal
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -15,6 +16,12 @@ class DualbendError(Exception):
 
 class InputError(DualbendError, ValueError):
     """The user gave something that cannot be used; the message says what would be right."""
+
+
+ENDING_SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+"""Signals that ask a process to end."""
 
 
 class Interrupted(KeyboardInterrupt):

@@ -61,7 +61,7 @@ class Number(click.FloatRange):
 
 
 _LONGEST_USAGE = 300
-"""Characters of what is wrong with an option, beside three lines of click's own."""
+"""Characters of what is wrong with an option, before the hint at the help."""
 
 PATH = _Path(path_type=Path)
 FILE = _Path(path_type=Path, dir_okay=False)

@@ -11,9 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from dualbend.errors import Interrupted
-
-_ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
+from dualbend.errors import ENDING_SIGNALS, Interrupted
 
 
 class _Output(io.FileIO):
@@ -89,9 +87,7 @@ def signals_raised() -> Iterator[list[int]]:
         raise Interrupted(number)
 
     numbers = [
-        number
-        for number in (getattr(signal, name, None) for name in _ENDING)
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN
+        number for number in ENDING_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN
     ]
     try:
         for number in numbers:

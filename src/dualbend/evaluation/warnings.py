@@ -10,7 +10,7 @@ import numpy as np
 from dualbend.beam.material import Material, find_material, library
 from dualbend.control.guard import SENSOR_AXES
 from dualbend.evaluation.metrics import peak, surface_strain
-from dualbend.evaluation.sheet import sheet_report
+from dualbend.evaluation.sheet import SheetReport, sheet_report
 from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import SheetConfig
@@ -32,19 +32,20 @@ Its moduli by up to 8 % (copper foil, 110 to 130 GPa), its strengths by up to 19
 
 def scenario_warnings(scenario: Scenario) -> list[str]:
     """Return what is known before a run: a name beside other numbers, a sheet that yields."""
-    sheet = scenario.sheet
-    strain = sheet_report(scenario).nominal_strain
+    sheet, report = scenario.sheet, sheet_report(scenario)
     return [
         *name_warnings(sheet),
-        *_strain_warnings(scenario, strain, "on the nominal path"),
+        *_strain_warnings(sheet, report, report.nominal_strain, "on the nominal path"),
     ]
 
 
 def run_warnings(run: RunRecord) -> list[str]:
     """Return what is known after a run: of its sheet, its sensors, its compliance."""
     found = [*_saturated_sensors(run), *_late_compliance(run)]
-    if not _strain_warnings(run.scenario, sheet_report(run.scenario).nominal_strain, ""):
-        found = [*_strain_warnings(run.scenario, peak(surface_strain(run)), "in the run"), *found]
+    sheet, report = run.scenario.sheet, sheet_report(run.scenario)
+    if not _strain_warnings(sheet, report, report.nominal_strain, ""):
+        strain = peak(surface_strain(run))
+        found = [*_strain_warnings(sheet, report, strain, "in the run"), *found]
     return found
 
 
@@ -77,16 +78,17 @@ def _differing(sheet: SheetConfig, material: Material) -> dict[str, float]:
     }
 
 
-def _strain_warnings(scenario: Scenario, strain: float | None, where: str) -> list[str]:
+def _strain_warnings(
+    sheet: SheetConfig, report: SheetReport, strain: float | None, where: str
+) -> list[str]:
     """Return what to say of a largest surface strain ``where``.
 
     Nothing below the sheet's limit, and of a sheet that is simulated to yield.
     """
-    report = sheet_report(scenario)
     if strain is None:
         return []
     if report.limit_strain is None:
-        return _unnamed(scenario.sheet, strain, where)
+        return _unnamed(sheet, strain, where)
     if strain <= report.limit_strain or report.plastic:
         return []
     yields, breaks = (

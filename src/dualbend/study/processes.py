@@ -13,8 +13,8 @@ from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
-from dualbend.errors import InputError
-from dualbend.run.disk.output import ENDING, uninterrupted
+from dualbend.errors import ENDING_SIGNALS, InputError
+from dualbend.run.disk.output import uninterrupted
 from dualbend.study.engine import Arguments, Key, Lost, Place, Row, WorkerDiedError, as_they_end
 
 DIED = "the process that ran it died, also when it ran alone"
@@ -97,7 +97,7 @@ def _pool(count: int) -> Iterator[Executor]:
 
 def _belong_to_the_parent() -> None:
     """Leave interrupts to the parent, and end when it does, also where it is killed."""
-    for number in ENDING:
+    for number in ENDING_SIGNALS:
         signal.signal(number, signal.SIG_DFL if number == signal.SIGTERM else signal.SIG_IGN)
     if os.name == "posix":
         # Blocked while the process began; the parent ends it by this.

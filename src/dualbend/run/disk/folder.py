@@ -46,7 +46,7 @@ class RunFolder:
     @property
     def whole(self) -> bool:
         """There is a whole run in it."""
-        return all((self.folder / name).is_file() for name in NUMBERS)
+        return _is_whole(self.folder)
 
     def said_of_log(self) -> str:
         """Return what there is of a run that left no result, in words."""
@@ -115,8 +115,11 @@ def settle(folder: Path) -> None:
 def later_log(folder: Path) -> Path | None:
     """Return the folder of a later run that did not end, if there is one beside a whole run."""
     there = folder / UNFINISHED
-    both = (there / LOG).is_file() and (folder / NUMBERS[0]).is_file()
-    return there if both else None
+    return there if (there / LOG).is_file() and _is_whole(folder) else None
+
+
+def _is_whole(folder: Path) -> bool:
+    return all((folder / name).is_file() for name in NUMBERS)
 
 
 def _move(folder: Path) -> None:

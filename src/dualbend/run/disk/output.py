@@ -16,15 +16,10 @@ import mujoco
 import numpy as np
 import pyarrow.parquet as pq
 
-from dualbend.errors import InputError, refusing, writing
+from dualbend.errors import ENDING_SIGNALS, InputError, refusing, writing
 from dualbend.run.disk.folder import LOG, UNFINISHED, RunFolder
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import Trace, read_trace
-
-ENDING = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-)
-"""Signals that ask a process to end."""
 
 
 @contextmanager
@@ -38,7 +33,7 @@ def uninterrupted() -> Iterator[None]:
         return
     came: list[int] = []
     # What is ignored stays ignored; None: set by no Python program, and not to be set again.
-    before = {number: signal.getsignal(number) for number in ENDING}
+    before = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
     before = {k: v for k, v in before.items() if v not in (signal.SIG_IGN, None)}
     for number in before:
         signal.signal(number, lambda number, _: came.append(number))
