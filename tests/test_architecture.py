@@ -21,6 +21,7 @@ ROOMS = (
     "mechanics",
     "control",
     "arm",
+    "imperfection",
     "scene",
     "planning",
     "scenario",

@@ -36,8 +36,25 @@ class StiffnessConfig(Config):
     ) = None
 
 
+class IntegralConfig(Config):
+    """Integral action of the joint servos, as VAL's INTON switches it on.
+
+    An arm under a steady load goes back to where it was sent, with the time constant 1/k_i. The
+    rate of 10 1/s and the limit are assumed.
+    """
+
+    rate_per_s: Annotated[float, said("k_i: set-point per error of position [1/s]", gt=0, le=50)] = (
+        10.0
+    )
+    torque_fraction: Annotated[
+        float, said("of the joint's torque limit that the integral may ask for", gt=0, le=1)
+    ] = 0.5
+
+
 class JointServoConfig(StiffnessConfig):
     """Stiffness and damping of the joint servos; each arm has a stiffness of its own by default."""
+
+    integral: IntegralConfig | None = None
 
     damping_ratio: Annotated[
         float, said("ζ of each joint by itself, 1 is critical [-]", gt=0, le=5)
@@ -84,3 +101,38 @@ class JointServo:
             + self._acceleration_gain * acceleration
             + self._friction * np.tanh(speed / _COULOMB_SPEED_RAD_PER_S)
         )
+
+
+class IntegralAction:
+    """Integral of the position error of n joints, added to their set-points.
+
+    z[n+1] = z[n] + k_i T (q_r[n] − q[n]), held over the command period T and kept within what the
+    allowed fraction of the torque limit moves the servo by, |z| <= f τ_max / k: an integral that
+    has nothing to gain does not wind up further.
+    """
+
+    def __init__(
+        self,
+        config: IntegralConfig | None,
+        *,
+        stiffness: Vector,
+        torque_limit: Vector,
+        period_s: float,
+        shape: tuple[int, ...] = (),
+    ) -> None:
+        self.config = config
+        fraction = 0.0 if config is None else config.torque_fraction
+        self.gain = 0.0 if config is None else config.rate_per_s * period_s
+        self._limit = fraction * torque_limit / stiffness
+        self._offset = np.zeros((*shape, len(stiffness)))
+
+    def reset(self) -> None:
+        """Start from no offset."""
+        self._offset[:] = 0.0
+
+    def update(self, error: Vector) -> Vector:
+        """Return the offset (..., n) [rad] of the next cycle from this one's error q_r − q."""
+        if self.gain:
+            self._offset += self.gain * error
+            np.clip(self._offset, -self._limit, self._limit, out=self._offset)
+        return self._offset

@@ -10,7 +10,7 @@ import numpy as np
 from dualbend.beam import elastica
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.response import CommandResponse
-from dualbend.control.servo import JointServo
+from dualbend.control.servo import IntegralAction, JointServo
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.cell import compose_cell, robots_only, without_looks
@@ -48,6 +48,12 @@ class RobotCell:
             if isinstance(config.model, StripConfig)
             else ShellModel(model, self.sheet, config.model),
             latency_steps=scenario.sensor.latency_steps(step_s),
+        )
+        self.integral = IntegralAction(
+            scenario.robot.servo.integral,
+            stiffness=self.servo.stiffness,
+            torque_limit=self.simulation.torque_limit,
+            period_s=COMMAND_PERIOD_S,
         )
         self.response = CommandResponse(
             scenario.robot.response,
@@ -92,16 +98,23 @@ class RobotCell:
         sheet = self.scenario.sheet
         arcs = np.linspace(0.0, sheet.length_m, sheet.model.sections + 1)
         _, _, slopes = elastica.shape(float(self.start[2]), sheet.length_m, arcs)
-        self.response.reset(self.home)
+        self.rest()
         middle = np.array([0.0, 0.0, self.scenario.cell.sheet_height_m])
         simulation, opening = self.simulation, self.sheet.thickness_m / 2
         return simulation.reset(simulation.positions(self.home, opening, slopes, middle))
 
+    def rest(self) -> None:
+        """Let response and servos be at rest in the start."""
+        self.response.reset(self.home)
+        self.integral.reset()
+
     def send(self, q: Vector) -> SensorSample:
         """Run one command cycle towards the joint set-points (n,) [rad]."""
+        offset = self.integral.update(self.response.position - self.simulation.q)
         reference = self.response.update(q)
         return self.simulation.advance(
             self.servo.setpoint(reference.position, reference.velocity, reference.acceleration)
+            + offset
         )
 
 

@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import msgspec
 
 from dualbend.errors import InputError, brief, refusing, shortened
+from dualbend.imperfection.config import with_preset
 from dualbend.resources import scenarios_dir
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_absurd, refuse_unknown
 from dualbend.scenario.scenario import Scenario
@@ -23,6 +24,9 @@ _SCENARIO: Kinds = {"": Scenario}
 
 _LARGEST_FILE, _DEEPEST, _LONGEST_CHAIN = 10**7, 20, 20
 """Bytes of a file, tables in one another, and files that extend one another: more is a mistake."""
+
+
+_IMPERFECTIONS = "imperfections"
 
 
 def list_scenarios() -> dict[str, Path]:
@@ -56,13 +60,13 @@ def resolve_scenario(
     tables: Mapping[str, Any], source: str, settings: Settings = (), seed: int | None = None
 ) -> Scenario:
     """Return the scenario of tables with settings applied; ``source`` is named in messages."""
-    data = _laid_over({}, tables)
+    data = _laid_over({}, _preset_as_table(tables))
     given: list[tuple[str, Mapping[str, Any]]] = (
         [("settings", _tables_of(settings))]
         if isinstance(settings, Mapping)
         else [(f"--set {shortened(text, 80)}", _table_of(text)) for text in settings]
     )
-    parts = [(said, *_split(table, _SCENARIO)) for said, table in given]
+    parts = [(said, *_split(_preset_as_table(table), _SCENARIO)) for said, table in given]
     # What replaces other keys (a new kind, material or arm) comes first, the others stay, in the
     # order given.
     for said, table in (
@@ -73,6 +77,8 @@ def resolve_scenario(
         data = _laid_over(data, table)
     if seed is not None:
         data["seed"] = seed
+    if isinstance(data.get(_IMPERFECTIONS), dict):
+        data[_IMPERFECTIONS] = with_preset(data[_IMPERFECTIONS])
     return converted(data, Scenario, source)
 
 
@@ -129,7 +135,7 @@ def _find(name_or_file: str) -> Path:
 
 def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     """Return the file's table merged over the one it extends."""
-    data = read_toml(path)
+    data = _preset_as_table(read_toml(path))
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
     refuse_absurd(data, path.name, ())
@@ -151,6 +157,14 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     parent = _read(base_path, (*seen, here))
     parent.pop("description", None)
     return _laid_over(parent, data)
+
+
+def _preset_as_table(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables in which ``imperfections = "typical"`` is the section that it stands for."""
+    said = tables.get(_IMPERFECTIONS)
+    if not isinstance(said, str):
+        return dict(tables)
+    return {**tables, _IMPERFECTIONS: {"preset": said}}
 
 
 def _laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

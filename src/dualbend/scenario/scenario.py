@@ -16,6 +16,7 @@ from dualbend.control.compliance.admittance import AdmittanceConfig, ComplianceC
 from dualbend.control.filters import FirConfig, LowPassConfig
 from dualbend.control.force_torque import ForceTorqueConfig
 from dualbend.control.guard import GuardConfig
+from dualbend.imperfection.config import ImperfectionsConfig
 from dualbend.scenario.motion import MotionConfig, make_time_law
 from dualbend.scenario.path import PathConfig
 from dualbend.scenario.sections import (
@@ -46,7 +47,7 @@ class Scenario(Config):
         ),
     ]
     description: Annotated[str, said("what the scenario shows, in one line", max_length=1000)] = ""
-    seed: Annotated[int, said("of the sensor's noise", ge=0, le=10**12)] = 1
+    seed: Annotated[int, said("of the sensor's noise and of all imperfections", ge=0, le=10**12)] = 1
     sheet: SheetConfig
     path: PathConfig
     motion: MotionConfig = MotionConfig()
@@ -58,6 +59,7 @@ class Scenario(Config):
     compliance: ComplianceConfig = AdmittanceConfig()
     task: AnyTask = msgspec.field(default_factory=default_task)
     guard: GuardConfig = GuardConfig()
+    imperfections: ImperfectionsConfig = ImperfectionsConfig()
     physics: PhysicsConfig = PhysicsConfig()
     expect: ExpectConfig = ExpectConfig()
 

@@ -154,6 +154,11 @@ class Simulation:
         self.data.qvel[self.sheet.dofs] = 0.0
 
     @property
+    def q(self) -> Vector:
+        """Joint angles (n,) [rad]."""
+        return np.asarray(self.data.qpos[self._q])
+
+    @property
     def bending_angles(self) -> Vector:
         """Bending angles from the left end [rad]; the stiffness times them is the moment."""
         return self.sheet.bending_angles(self.data)

@@ -201,7 +201,7 @@ class AssemblyRun(Run):
     def start(self) -> SensorSample:
         """Put the arms beside the stand, jaws open, and a sheet upon it."""
         cell, opening = self.cell, self.config.jaw_opening_m
-        cell.response.reset(cell.home)
+        cell.rest()
         flat = np.zeros(self.scenario.sheet.model.sections + 1)
         simulation = cell.simulation
         sample = simulation.reset(

@@ -1,0 +1,16 @@
+"""Seeded streams of random numbers: one for each imperfection, which no other one moves."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+
+def stream(seed: int, *names: str | int) -> np.random.Generator:
+    """Return the generator of a scenario's seed that belongs to these names.
+
+    Two streams of different names are independent, and none is that of the sensors' noise.
+    """
+    words = [zlib.crc32(str(name).encode()) for name in names]
+    return np.random.default_rng([seed, *words])
