@@ -44,7 +44,7 @@ from dualbend.control.force_torque import (
 )
 from dualbend.control.guard import Guard, GuardConfig, SensorGuard
 from dualbend.control.response import CommandResponse, CommandResponseConfig
-from dualbend.control.servo import JointServo
+from dualbend.control.servo import IntegralAction, IntegralConfig, JointServo
 from dualbend.control.wrist import WristSensors
 from dualbend.types import PlanarPose, Vector, Wrench
 
@@ -156,6 +156,20 @@ def test_joint_servo(worlds: Shape, seed: int) -> None:
     assert_worlds_are_single_ones(
         stream, worlds, seed, {name: (scale, (6,)) for name, scale in scales.items()}
     )
+
+
+@FEW
+@given(WORLDS, SEEDS)
+def test_integral_action(worlds: Shape, seed: int) -> None:
+    one = np.linspace(1.0, 2.0, 6)
+
+    def stream(shape: Shape, _: list[int], error: Vector) -> list[tuple[Any, ...]]:
+        action = IntegralAction(
+            IntegralConfig(), stiffness=2e3 * one, torque_limit=one, period_s=T, shape=shape
+        )
+        return [(action.update(row).copy(),) for row in error]
+
+    assert_worlds_are_single_ones(stream, worlds, seed, {"error": (1e-3, (6,))})
 
 
 # --- sensors and guard --------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from dualbend.control.response import CommandResponse, CommandResponseConfig
-from dualbend.control.servo import JointServo
+from dualbend.control.servo import IntegralAction, IntegralConfig, JointServo
 
 Array = NDArray[np.float64]
 K = np.array([4.5e4, 0.57e4, 2.0e3])
@@ -126,3 +126,40 @@ def test_one_call_serves_all_rows_of_a_cycle() -> None:
     rows = servo.setpoint(position, velocity, acceleration)
     one = [servo.setpoint(*row) for row in zip(position, velocity, acceleration, strict=True)]
     np.testing.assert_array_equal(rows, one)
+
+
+LIMIT = np.array([97.6, 89.4, 21.3])
+
+
+def integral(config: IntegralConfig | None) -> IntegralAction:
+    return IntegralAction(config, stiffness=K, torque_limit=LIMIT, period_s=0.028)
+
+
+def test_the_integral_takes_a_steady_load_away_with_its_time_constant() -> None:
+    """A spring under a load: e[n] = τ/k − z[n] and z[n+1] = z[n] + k_i T e[n]."""
+    action, load = integral(IntegralConfig(rate_per_s=5.0)), 0.1 * LIMIT
+    offset, errors = np.zeros(3), []
+    for _ in range(40):
+        errors.append(load / K - offset)
+        offset = action.update(errors[-1]).copy()
+    # Analytic: a geometric sequence of ratio 1 − k_i T.
+    expected = load / K * (1.0 - 5.0 * 0.028) ** np.arange(40)[:, np.newaxis]
+    np.testing.assert_allclose(errors, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_integral_stops_at_its_share_of_the_torque(sign: float) -> None:
+    action = integral(IntegralConfig(rate_per_s=50.0, torque_fraction=0.3))
+    for _ in range(1000):
+        offset = action.update(np.full(3, sign))
+    np.testing.assert_allclose(K * offset, sign * 0.3 * LIMIT, rtol=1e-12)  # analytic
+    # It does not have to unwind what it could not apply: one error back is one step back.
+    back = action.update(np.full(3, -sign * 1e-5))
+    np.testing.assert_allclose(back, sign * (0.3 * LIMIT / K - 50.0 * 0.028 * 1e-5), rtol=1e-9)
+    action.reset()
+    np.testing.assert_array_equal(action.update(np.zeros(3)), 0.0)
+
+
+def test_without_integral_action_nothing_is_added() -> None:
+    action = integral(None)
+    np.testing.assert_array_equal(action.update(np.ones(3)), 0.0)

@@ -86,6 +86,7 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
             "cell.left={}",
             "cell.right={}",
             "compliance.predictor={lead_x_s=0.02,lead_rotation_s=0.02}",
+            "robot.servo.integral={}",
         ],
     )
 
@@ -105,7 +106,7 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
     ):
         held |= walk(msgspec.to_builtins(load_scenario("fig6", kinds)), "") - {
             *("task.misalignment", "cell.left", "cell.right"),
-            *("compliance.x", "compliance.rotation"),
+            *("compliance.x", "compliance.rotation", "robot.servo.integral"),
         }
     named = {".".join((*s.path, key.name)) for s in sections() for key in s.keys}
     assert named == held

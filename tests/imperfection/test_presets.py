@@ -1,0 +1,65 @@
+"""Presets of imperfections: what is not given, and what stands before it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from dualbend.errors import InputError
+from dualbend.imperfection import config
+from dualbend.imperfection.config import PRESETS, ImperfectionsConfig, PresetName, with_preset
+from dualbend.imperfection.draws import stream
+from dualbend.scenario.load import load_scenario, parse_scenario
+
+NONE: list[str] = ["imperfections=none"]
+
+
+def numbers_of(preset: str, *settings: str) -> dict[str, Any]:
+    scenario = load_scenario("fig6", [f"imperfections={preset}", *settings])
+    numbers: dict[str, Any] = msgspec.to_builtins(scenario.imperfections)
+    return numbers
+
+
+def test_none_is_what_every_key_has_by_default() -> None:
+    assert numbers_of("none") == msgspec.to_builtins(ImperfectionsConfig())
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_holds_its_numbers_and_survives_being_written(name: PresetName) -> None:
+    scenario = load_scenario("fig6", [f"imperfections={name}"])
+    held = msgspec.to_builtins(scenario.imperfections)
+    assert held["preset"] == name
+    for section, numbers in PRESETS[name].items():
+        for key, value in numbers.items():
+            assert held[section][key] == value
+    assert parse_scenario(scenario.to_toml(), "again") == scenario
+
+
+def test_a_key_stands_before_the_preset_and_a_preset_before_the_keys_of_the_file(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = {"robot": {"a": 1.0, "b": 2.0}, "link": {"c": 3.0}}
+    monkeypatch.setattr(config, "PRESETS", {"none": {}, "typical": made})
+    given = {"preset": "typical", "robot": {"b": 5.0}}
+    assert with_preset(given) == {
+        "preset": "typical",
+        "robot": {"a": 1.0, "b": 5.0},
+        "link": {"c": 3.0},
+    }
+    assert with_preset({"robot": {"b": 5.0}}) == {"robot": {"b": 5.0}}
+
+
+def test_a_preset_that_is_none_is_named_with_the_choices() -> None:
+    with pytest.raises(InputError, match="imperfections.preset = 'bad': must be one of 'none'"):
+        load_scenario("fig6", ["imperfections=bad"])
+
+
+def test_streams_are_seeded_and_independent() -> None:
+    first, again = (stream(3, "robot", "left").standard_normal(4) for _ in range(2))
+    np.testing.assert_array_equal(first, again)
+    others = [stream(4, "robot", "left"), stream(3, "robot", "right"), stream(3, "link", "left")]
+    for other in others:
+        assert not np.any(first == other.standard_normal(4))
