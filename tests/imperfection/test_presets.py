@@ -53,7 +53,7 @@ def test_a_key_stands_before_the_preset_and_a_preset_before_the_keys_of_the_file
 
 
 def test_a_preset_that_is_none_is_named_with_the_choices() -> None:
-    with pytest.raises(InputError, match="imperfections.preset = 'bad': must be one of 'none'"):
+    with pytest.raises(InputError, match=r"imperfections\.preset = 'bad': must be one of 'none'"):
         load_scenario("fig6", ["imperfections=bad"])
 
 

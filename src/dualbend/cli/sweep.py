@@ -1,4 +1,4 @@
-"""Command that runs a scenario many times with different values of its keys."""
+"""Commands that run a scenario many times: with other values of its keys, with imperfections."""
 
 from __future__ import annotations
 
@@ -6,8 +6,18 @@ from pathlib import Path
 
 import click
 
-from dualbend.cli.common import PATH, WORKERS, command, exit_interrupted
-from dualbend.errors import InputError
+from dualbend.cli.common import (
+    PATH,
+    SCENARIO,
+    SETTINGS,
+    WORKERS,
+    command,
+    exit_interrupted,
+    load,
+)
+from dualbend.errors import InputError, writing
+from dualbend.files import write_whole
+from dualbend.imperfection.config import PresetName
 
 
 @command(
@@ -49,4 +59,52 @@ def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | No
         exit_interrupted(progress.done, progress.total, folder)
     report = write_report(loaded, design, rows, folder)
     click.echo("\n".join(report_lines(loaded, design, rows, report)))
+    click.echo(f"results in {folder}")
+
+
+@command("dualbend imperfections fig8 --preset worst --seeds 5")
+@SCENARIO
+@click.option(
+    "--preset",
+    type=click.Choice(["typical", "worst"]),
+    default="typical",
+    show_default=True,
+    help="Numbers of the imperfections.",
+)
+@click.option(
+    "--seeds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Runs of each."
+)
+@WORKERS
+@click.option("--out", type=PATH, help="Folder of the study.")
+@SETTINGS
+def imperfections(
+    scenario: str,
+    preset: PresetName,
+    seeds: int,
+    workers: int | None,
+    out: Path | None,
+    settings: tuple[str, ...],
+) -> None:
+    """Show what each imperfection of a preset does alone, and all together.
+
+    The scenario is run without imperfections, with each one, and with all. The same command
+    continues a study that was interrupted.
+    """
+    from dualbend.study.imperfections import run_study, table
+    from dualbend.study.sweep.progress import Progress
+
+    loaded = load(scenario, settings)
+    folder = out or Path("runs") / f"{loaded.name}-imperfections"
+    progress = Progress()
+    try:
+        rows = run_study(loaded, preset, folder, seeds=seeds, workers=workers, on_run=progress)
+    except KeyboardInterrupt:
+        progress.end_line()
+        exit_interrupted(progress.done, progress.total, folder)
+    found = table(rows)
+    with writing(folder, "--out"):
+        write_whole(folder / "table.md", found.markdown() + "\n")
+    click.echo(found.text())
+    for row in {row.part: row for row in rows if row.reason}.values():
+        click.echo(f"{row.part}, seed {row.seed}: {row.outcome}: {row.reason}")
     click.echo(f"results in {folder}")

@@ -43,9 +43,7 @@ class IntegralConfig(Config):
     rate of 10 1/s and the limit are assumed.
     """
 
-    rate_per_s: Annotated[float, said("k_i: set-point per error of position [1/s]", gt=0, le=50)] = (
-        10.0
-    )
+    rate_per_s: Annotated[float, said("k_i: set-point per error, over time", gt=0, le=50)] = 10.0
     torque_fraction: Annotated[
         float, said("of the joint's torque limit that the integral may ask for", gt=0, le=1)
     ] = 0.5

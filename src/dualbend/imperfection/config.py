@@ -52,3 +52,17 @@ def with_preset(table: Mapping[str, Any]) -> dict[str, Any]:
         if isinstance(given, Mapping):
             resolved[section] = {**numbers, **given}
     return resolved
+
+
+def alone(name: PresetName) -> dict[str, dict[str, dict[str, Any]]]:
+    """Return a preset's imperfections one by one: tables of sections, by what each is called.
+
+    Keys of a section that begin with the same word are one imperfection: ``coulomb_ratio`` and
+    ``coulomb_spread`` are "robot coulomb".
+    """
+    parts: dict[str, dict[str, dict[str, Any]]] = {}
+    for section, numbers in PRESETS[name].items():
+        for key, value in numbers.items():
+            part = parts.setdefault(f"{section} {key.split('_')[0]}", {section: {}})
+            part[section][key] = value
+    return parts

@@ -47,7 +47,7 @@ class Scenario(Config):
         ),
     ]
     description: Annotated[str, said("what the scenario shows, in one line", max_length=1000)] = ""
-    seed: Annotated[int, said("of the sensor's noise and of all imperfections", ge=0, le=10**12)] = 1
+    seed: Annotated[int, said("of noise and imperfections", ge=0, le=10**12)] = 1
     sheet: SheetConfig
     path: PathConfig
     motion: MotionConfig = MotionConfig()

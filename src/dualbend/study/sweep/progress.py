@@ -6,12 +6,18 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import TextIO
-
-from dualbend.study.sweep.run import RunRow
+from typing import Protocol, TextIO
 
 _EVERY_S = 30.0
 """Where there is no terminal, a line this often: a log is not to be flooded."""
+
+
+class Row(Protocol):
+    """The row of a study's run, as far as its progress is told."""
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended."""
 
 
 class Progress:
@@ -30,7 +36,7 @@ class Progress:
         self._began = self._told = clock()
         self._width = 0
 
-    def __call__(self, done: int, total: int, row: RunRow | None) -> None:
+    def __call__(self, done: int, total: int, row: Row | None) -> None:
         """Take note of the last run's row; there is none at the start."""
         self.done, self.total = done, total
         if row is not None:

@@ -1,0 +1,127 @@
+"""What each imperfection of a preset does to a scenario alone, and what all of them do together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from dualbend.evaluation.metrics import versions
+from dualbend.imperfection.config import PRESETS, ImperfectionsConfig, PresetName, alone
+from dualbend.run.make import make_run
+from dualbend.run.record import Metric
+from dualbend.scenario.scenario import Scenario
+from dualbend.study.ending import Ended, metrics_of, outcome_of, result_of
+from dualbend.study.engine import Study
+from dualbend.study.folder import StudyFolder
+from dualbend.study.processes import in_processes
+from dualbend.table import Column, Table, quantity
+
+NONE, ALL = "none", "all"
+
+METRICS = (
+    *("peak_moment", "rms_moment", "mean_moment_hold", "peak_force"),
+    *("holes_seated", "peak_pin_force", "worst_hole_offset"),
+)
+"""Metrics that are shown, of those that the task has."""
+
+
+class PartRow(msgspec.Struct, frozen=True, kw_only=True):
+    """What became of one run: with which imperfection, and which seed."""
+
+    part: str
+    seed: int
+    outcome: Ended
+    reason: str = ""
+    metrics: dict[str, Metric] = {}
+
+
+def variants(scenario: Scenario, preset: PresetName) -> dict[str, Scenario]:
+    """Return the scenario without imperfections, with each of a preset alone, and with all."""
+    tables = {NONE: {}, **alone(preset), ALL: PRESETS[preset]}
+    return {
+        part: msgspec.structs.replace(
+            scenario, imperfections=msgspec.convert(dict(table), ImperfectionsConfig)
+        )
+        for part, table in tables.items()
+    }
+
+
+def run_part(part: str, scenario: Scenario) -> PartRow:
+    """Run a scenario here; one that is refused or raises is a row as well."""
+    try:
+        result = result_of(make_run(scenario))
+        metrics = metrics_of(result)
+    except Exception as error:  # one bad run must not end the study
+        outcome, reason = outcome_of(error)
+        return PartRow(part=part, seed=scenario.seed, outcome=outcome, reason=reason)
+    return PartRow(
+        part=part,
+        seed=scenario.seed,
+        outcome=result.outcome,
+        reason=result.reason,
+        metrics=metrics,
+    )
+
+
+def run_study(
+    scenario: Scenario,
+    preset: PresetName,
+    folder: Path,
+    *,
+    seeds: int,
+    workers: int | None = None,
+    on_run: Callable[[int, int, PartRow | None], None] = lambda *_: None,
+) -> list[PartRow]:
+    """Run each variant with so many seeds, from the scenario's on; return the rows in order.
+
+    Raises InputError where the folder is another study's or cannot be used; KeyboardInterrupt
+    where it is interrupted: the runs that were done are kept, and the same call goes on.
+    """
+    cases = variants(scenario, preset)
+    study = Study(
+        design=[(part, scenario.seed + i) for part in cases for i in range(seeds)],
+        task=lambda key: (key[0], msgspec.structs.replace(cases[key[0]], seed=key[1])),
+        run_one=run_part,
+        key=lambda row: (row.part, row.seed),
+    )
+    about = {"preset": preset, "versions": versions(), "scenario": scenario.to_toml()}
+    kept = StudyFolder(folder=folder, row=PartRow, study=about)
+    return study.run(in_processes(workers), kept, on_run)
+
+
+def table(rows: Sequence[PartRow]) -> Table:
+    """Return a line for each variant: how runs ended, the median of each metric and its ratio.
+
+    The ratio is the median over the seeds of a metric over that of the same seed without
+    imperfections.
+    """
+    value: dict[tuple[str, int, str], float] = {
+        (row.part, row.seed, name): float(metric.value)
+        for row in rows
+        for name, metric in row.metrics.items()
+        if isinstance(metric.value, int | float)
+    }
+    units = {name: metric.unit for row in rows for name, metric in row.metrics.items()}
+    shown = [name for name in METRICS if name in units]
+    columns: list[Column | str] = ["imperfection", quantity("completed")]
+    for name in shown:
+        columns += [quantity(name, units[name]), quantity("ratio", "", ".2f")]
+    lines = []
+    for part in dict.fromkeys(row.part for row in rows):
+        mine = [row for row in rows if row.part == part]
+        completed = [row for row in mine if row.outcome == "completed"]
+        line: list[object] = [part, f"{len(completed)}/{len(mine)}"]
+        for name in shown:
+            pairs = [
+                (value[part, row.seed, name], value.get((NONE, row.seed, name), 0.0))
+                for row in completed
+                if (part, row.seed, name) in value
+            ]
+            ratios = [new / old for new, old in pairs if old]
+            line.append(float(np.median([new for new, _ in pairs])) if pairs else None)
+            line.append(float(np.median(ratios)) if ratios else None)
+        lines.append(line)
+    return Table(columns, lines)
