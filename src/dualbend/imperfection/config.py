@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal
 
+import msgspec
+
 from dualbend.imperfection.events import EventsConfig
 from dualbend.imperfection.link import LinkConfig
 from dualbend.imperfection.robot import RobotErrors
@@ -35,34 +37,31 @@ class ImperfectionsConfig(Config):
     events: EventsConfig = EventsConfig()
 
 
-PRESETS: Final[Mapping[str, Mapping[str, Mapping[str, Any]]]] = {
+Numbers = Mapping[str, Mapping[str, Any]]
+"""Keys and values of some sections of the imperfections."""
+
+PRESETS: Final[Mapping[PresetName, Mapping[str, Numbers]]] = {
     "none": {},
     "typical": {},
     "worst": {},
 }
-"""Numbers of each preset, by section and key; their sources: docs/imperfections.md."""
+"""Numbers of each preset by imperfection; their sources: docs/imperfections.md."""
 
 
 def with_preset(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return a section's table with the numbers of its preset where it gives none."""
-    preset = PRESETS.get(str(table.get("preset", "none")), {})
     resolved = dict(table)
-    for section, numbers in preset.items():
-        given = resolved.get(section, {})
-        if isinstance(given, Mapping):
-            resolved[section] = {**numbers, **given}
+    for numbers in PRESETS.get(resolved.get("preset", "none"), {}).values():
+        for section, values in numbers.items():
+            given = resolved.get(section, {})
+            if isinstance(given, Mapping):
+                resolved[section] = {**values, **given}
     return resolved
 
 
-def alone(name: PresetName) -> dict[str, dict[str, dict[str, Any]]]:
-    """Return a preset's imperfections one by one: tables of sections, by what each is called.
-
-    Keys of a section that begin with the same word are one imperfection: ``coulomb_ratio`` and
-    ``coulomb_spread`` are "robot coulomb".
-    """
-    parts: dict[str, dict[str, dict[str, Any]]] = {}
-    for section, numbers in PRESETS[name].items():
-        for key, value in numbers.items():
-            part = parts.setdefault(f"{section} {key.split('_')[0]}", {section: {}})
-            part[section][key] = value
-    return parts
+def alone(name: PresetName) -> dict[str, ImperfectionsConfig]:
+    """Return no imperfection ("none"), each of a preset by itself, and "all" of them."""
+    every = with_preset({"preset": name})
+    del every["preset"]
+    tables: dict[str, Numbers] = {"none": {}, **PRESETS[name], "all": every}
+    return {part: msgspec.convert(table, ImperfectionsConfig) for part, table in tables.items()}

@@ -16,7 +16,7 @@ from dualbend.control.compliance.admittance import AdmittanceConfig, ComplianceC
 from dualbend.control.filters import FirConfig, LowPassConfig
 from dualbend.control.force_torque import ForceTorqueConfig
 from dualbend.control.guard import GuardConfig
-from dualbend.imperfection.config import ImperfectionsConfig
+from dualbend.imperfection.config import ImperfectionsConfig, PresetName, alone
 from dualbend.scenario.motion import MotionConfig, make_time_law
 from dualbend.scenario.path import PathConfig
 from dualbend.scenario.sections import (
@@ -103,6 +103,14 @@ class Scenario(Config):
     def to_toml(self) -> str:
         """Return the resolved scenario: loading it again gives an equal object."""
         return tomli_w.dumps(without_none(msgspec.to_builtins(self)))
+
+
+def variants(scenario: Scenario, preset: PresetName) -> dict[str, Scenario]:
+    """Return the scenario without imperfections, with each of a preset alone, and with all."""
+    return {
+        part: msgspec.structs.replace(scenario, imperfections=imperfections)
+        for part, imperfections in alone(preset).items()
+    }
 
 
 def without_none(value: Any) -> Any:  # noqa: ANN401 - a tree of TOML values

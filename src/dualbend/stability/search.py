@@ -7,7 +7,7 @@ to be wrong. Margins come first, because they cost less and no simulation shows 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import msgspec
 import numpy as np
@@ -42,6 +42,15 @@ class Margin(msgspec.Struct, frozen=True, kw_only=True):
 
 
 UNSTABLE = Margin(gain_db=-math.inf, phase_deg=-math.inf)
+
+
+def worst(margins: Iterable[Margin]) -> Margin:
+    """Return the smallest gain margin and the smallest phase margin of several loops."""
+    each = list(margins)
+    return Margin(
+        gain_db=min(margin.gain_db for margin in each),
+        phase_deg=min(margin.phase_deg for margin in each),
+    )
 
 
 class Trial(msgspec.Struct, frozen=True, kw_only=True):
@@ -103,8 +112,11 @@ class Search:
     """Coordinate search: change one gain after the other as long as the moment falls.
 
     ``seeds``: of the noise that a candidate is simulated with; it is better where its rms is
-    smaller with every one of them and its mean peak is not above ``peak_nm``. ``on_try`` is told
-    how many candidates were tried.
+    smaller with every one of them and its mean peak is not above ``peak_nm``. ``worlds``: scenarios
+    that are simulated in the place of the scenario, which differ from it in what its controller
+    does not know: a candidate is better only where it is so in every one. ``loops``: scenarios
+    beside it in whose loop the margins must hold. ``on_try`` is told how many candidates were
+    tried.
     """
 
     def __init__(
@@ -114,11 +126,15 @@ class Search:
         seeds: Sequence[int],
         peak_nm: float,
         on_try: Callable[[int], None],
+        worlds: Sequence[Scenario] = (),
+        loops: Sequence[Scenario] = (),
     ) -> None:
-        self.scenario, self.required, self.seeds = scenario, required, seeds
+        self.scenario, self.required = scenario, required
+        self.cases = [(world, seed) for world in worlds or [scenario] for seed in seeds]
         self.peak_nm, self.tried, self._on_try = peak_nm, 0, on_try
+        self._loops = (scenario, *loops)
         self._known: set[Gains] = set()
-        self._places: list[Environment] = []
+        self._places: list[list[Environment]] = []
 
     def run(self, start: Gains) -> list[Trial]:
         """Return the candidates that were the best one after the other, the last one first."""
@@ -167,8 +183,8 @@ class Search:
             return None
         rows: list[Vector] = []
         too_high = self._excess(best.moments) > 0.0
-        for seed, before in zip(self.seeds, best.moments, strict=True):
-            rows.append(simulate(with_compliance(self.scenario, compliance), seed)[0])
+        for (world, seed), before in zip(self.cases, best.moments, strict=True):
+            rows.append(simulate(with_compliance(world, compliance), seed)[0])
             if not (too_high or rows[-1][0] < before[0]):
                 return None
         trial = Trial(compliance=compliance, margin=margin, moments=np.array(rows))
@@ -183,16 +199,17 @@ class Search:
 
     def margin(self, compliance: Gains) -> Margin:
         """Return the smallest margins of a compliance."""
-        scenario = with_compliance(self.scenario, compliance)
+        loops = [with_compliance(loop, compliance) for loop in self._loops]
         # With a force reference the equilibrium hardly depends on the gains.
         if not (self._places and compliance.reference and compliance.x):
-            self._places = places(scenario)
-        return min_margin(scenario, self._places)
+            self._places = [places(loop) for loop in loops]
+        return worst(min_margin(*each) for each in zip(loops, self._places, strict=True))
 
     def simulated(self, compliance: ComplianceConfig) -> Vector:
         """Return the moments (seeds, 2) of a compliance."""
-        scenario = with_compliance(self.scenario, compliance)
-        return np.array([simulate(scenario, seed)[0] for seed in self.seeds])
+        return np.array(
+            [simulate(with_compliance(world, compliance), seed)[0] for world, seed in self.cases]
+        )
 
     def _count(self) -> None:
         self.tried += 1

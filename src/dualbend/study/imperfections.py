@@ -9,17 +9,17 @@ import msgspec
 import numpy as np
 
 from dualbend.evaluation.metrics import versions
-from dualbend.imperfection.config import PRESETS, ImperfectionsConfig, PresetName, alone
+from dualbend.imperfection.config import PresetName
 from dualbend.run.make import make_run
 from dualbend.run.record import Metric
-from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.scenario import Scenario, variants
 from dualbend.study.ending import Ended, metrics_of, outcome_of, result_of
 from dualbend.study.engine import Study
 from dualbend.study.folder import StudyFolder
 from dualbend.study.processes import in_processes
 from dualbend.table import Column, Table, quantity
 
-NONE, ALL = "none", "all"
+NONE = "none"
 
 METRICS = (
     *("peak_moment", "rms_moment", "mean_moment_hold", "peak_force"),
@@ -36,17 +36,6 @@ class PartRow(msgspec.Struct, frozen=True, kw_only=True):
     outcome: Ended
     reason: str = ""
     metrics: dict[str, Metric] = {}
-
-
-def variants(scenario: Scenario, preset: PresetName) -> dict[str, Scenario]:
-    """Return the scenario without imperfections, with each of a preset alone, and with all."""
-    tables = {NONE: {}, **alone(preset), ALL: PRESETS[preset]}
-    return {
-        part: msgspec.structs.replace(
-            scenario, imperfections=msgspec.convert(dict(table), ImperfectionsConfig)
-        )
-        for part, table in tables.items()
-    }
 
 
 def run_part(part: str, scenario: Scenario) -> PartRow:

@@ -1,0 +1,167 @@
+"""Gains whose worst case over the imperfections of a preset has the least moment.
+
+The search goes on with the worst cases alone: what it finds is simulated with every imperfection,
+and where another one turns out worse than those it was searched with, that one is added and the
+search goes on from there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import msgspec
+import numpy as np
+
+from dualbend.control.compliance.admittance import ComplianceConfig, NoComplianceConfig
+from dualbend.imperfection.config import PresetName
+from dualbend.scenario.scenario import Scenario, variants
+from dualbend.stability.gains import Gains, Knob, acting_axes, softened, turned
+from dualbend.stability.limits import MORE, said
+from dualbend.stability.search import (
+    MOST_TRIES,
+    Margin,
+    Search,
+    simulate,
+    with_compliance,
+)
+from dualbend.stability.tuning import SEARCH_SEEDS, own_gains
+from dualbend.types import Vector
+
+_ROUNDS = 3
+"""Searches at most, each with one more of the worst cases."""
+
+
+class Case(msgspec.Struct, frozen=True, kw_only=True):
+    """What a scenario's run is with one imperfection: mean rms of the moment [N m] over seeds.
+
+    ``none_nm`` without compliance, ``own_nm`` with the scenario's own (NaN where it has none),
+    ``found_nm`` with the gains found; infinite where a run does not complete.
+    """
+
+    name: str
+    none_nm: float
+    own_nm: float
+    found_nm: float
+
+    @property
+    def ratio(self) -> float:
+        """Moment with the gains found over that without compliance."""
+        return self.found_nm / self.none_nm
+
+
+class RobustTuning(msgspec.Struct, frozen=True, kw_only=True):
+    """The result: gains, margins of their worst loop, all cases, and what limits each axis."""
+
+    compliance: Gains
+    margin: Margin
+    cases: tuple[Case, ...]
+    searched: tuple[str, ...]
+    limits: tuple[str, ...]
+    tried: int
+
+    @property
+    def worst(self) -> Case:
+        """The case with the largest ratio."""
+        return max(self.cases, key=lambda case: case.ratio)
+
+
+def tune_robust(
+    scenario: Scenario,
+    preset: PresetName,
+    *,
+    required: Margin,
+    seeds: int = 2,
+    on_progress: Callable[[float], None] = lambda _: None,
+) -> RobustTuning:
+    """Search gains that are better in the worst cases of a preset, at margins that hold in all.
+
+    ``seeds``: runs of every case, from the scenario's seed on. Raises InputError where nothing
+    complies along the path, or the loop cannot be predicted.
+    """
+    worlds = variants(scenario, preset)
+    start = own_gains(scenario)
+    looked = [scenario.seed + i for i in range(seeds)]
+    nothing = NoComplianceConfig(sensing=start.sensing)
+    without = {name: _moments(world, nothing, looked) for name, world in worlds.items()}
+    own = {name: _moments(world, start, looked) for name, world in worlds.items()}
+    found, tried = start, 0
+    searched = list(dict.fromkeys(("none", "all", _worst(own, without))))
+    for round_ in range(_ROUNDS):
+        search = Search(
+            scenario=scenario,
+            required=required,
+            seeds=SEARCH_SEEDS[:1],
+            peak_nm=float(np.mean([without[name][:, 1].mean() for name in searched])),
+            on_try=lambda count, past=round_: on_progress((past + count / MOST_TRIES) / _ROUNDS),
+            worlds=[worlds[name] for name in searched],
+            loops=_loops(scenario, worlds),
+        )
+        found = search.run(found)[0].compliance
+        tried += search.tried
+        moments = {name: _moments(world, found, looked) for name, world in worlds.items()}
+        if (worst := _worst(moments, without)) in searched:
+            break
+        searched.append(worst)
+    limits = [
+        f"{axis} is limited by {_limit(search, worlds, found, axis, moments, looked)}"
+        for axis in acting_axes(start, scenario.path.end_rad)
+    ]
+    on_progress(1.0)
+    return RobustTuning(
+        compliance=found,
+        margin=search.margin(found),
+        cases=tuple(
+            Case(
+                name=name,
+                none_nm=float(without[name][:, 0].mean()),
+                own_nm=float(own[name][:, 0].mean()),
+                found_nm=float(moments[name][:, 0].mean()),
+            )
+            for name in worlds
+        ),
+        searched=tuple(searched),
+        limits=tuple(limits),
+        tried=tried,
+    )
+
+
+def _loops(scenario: Scenario, worlds: Mapping[str, Scenario]) -> list[Scenario]:
+    """Return the loops beside the believed one: those of the true sheets."""
+    del scenario
+    return list({world.true_loop() for world in worlds.values()})
+
+
+def _moments(scenario: Scenario, compliance: ComplianceConfig, seeds: Sequence[int]) -> Vector:
+    """Return rms and peak of the moment (seeds, 2) [N m], infinite where a run does not end."""
+    with_it = with_compliance(scenario, compliance)
+    return np.array([simulate(with_it, seed)[0] for seed in seeds])
+
+
+def _worst(moments: Mapping[str, Vector], without: Mapping[str, Vector]) -> str:
+    """Return the case whose mean rms is the largest over that without compliance."""
+    return max(moments, key=lambda name: moments[name][:, 0].mean() / without[name][:, 0].mean())
+
+
+def _limit(
+    search: Search,
+    worlds: Mapping[str, Scenario],
+    found: Gains,
+    axis: str,
+    moments: Mapping[str, Vector],
+    seeds: Sequence[int],
+) -> str:
+    """Return which imperfection keeps an axis from being more compliant, as a sentence."""
+    more = turned(found, Knob(axis, "compliance"), MORE)
+    assert more is not None
+    margin = search.margin(more)
+    if not margin.fulfils(search.required):
+        return f"the margin: {MORE:g} times as compliant it is {said(margin)}"
+    changes = {
+        name: float((_moments(world, more, seeds) / moments[name])[:, 0].mean() - 1.0)
+        for name, world in worlds.items()
+    }
+    name = max(changes, key=lambda each: changes[each])
+    if not math.isfinite(changes[name]):
+        return f"{name}: {MORE:g} times as compliant a run with it does not complete"
+    return f"{name}: {MORE:g} times as compliant its rms changes by {100.0 * changes[name]:+.2g} %"
