@@ -4,6 +4,7 @@ import math
 
 import mujoco
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from dualbend.run.cell import RobotCell
@@ -37,18 +38,20 @@ def wrenches_of_turned_cell(turn_rad: float) -> NDArray[np.float64]:
     return np.asarray((seen.wrench.reshape(2, 2, 3) * BENDING_TO_WORLD[:, np.newaxis]) @ axes)
 
 
-def test_a_quarter_turn_changes_nothing_and_an_eighth_what_the_welds_yield() -> None:
-    """Springs, arms and weight are isotropic about the vertical; a weld of MuJoCo's is not.
+@pytest.fixture(scope="module")
+def straight() -> NDArray[np.float64]:
+    return wrenches_of_turned_cell(0.0)
 
-    Its three rows are along the world's axes, and each yields by a part of its own inverse inertia:
-    twice as much across a flat sheet as along it. In series with the pads that is some 3 % of their
-    stiffness; the impedance that would take it away is capped.
+
+@pytest.mark.parametrize("turn_rad", [0.3, math.pi / 4.0, math.pi / 2.0, 2.5])
+def test_a_turned_cell_feels_the_same(turn_rad: float, straight: NDArray[np.float64]) -> None:
+    """Springs, arms and weight are isotropic about the vertical, so all wrenches turn with it.
+
+    The flat sheet is where the forces feel the most how the holds yield: 3 % at 0.8 rad if MuJoCo
+    judges them by the strips' own inertia.
     """
-    straight, quarter, eighth = map(wrenches_of_turned_cell, (0.0, math.pi / 2.0, math.pi / 4.0))
-    size = float(np.abs(straight[:, 0]).max())
-    # Analytic: the axes change places, what is left is what still moves.
-    np.testing.assert_allclose(quarter, straight, atol=1e-6 * size)
-    # Discretisation-limited: 3.0 % when this was written; 0 where welds yield alike.
-    assert 0.0 < np.abs(eighth[:, 0] - straight[:, 0]).max() < 0.035 * size
-    # What the welds do not bear alone is as it was: the weight, carried half by half.
-    np.testing.assert_allclose(eighth[:, 0, 2], straight[:, 0, 2], atol=1e-5 * size)
+    turned = wrenches_of_turned_cell(turn_rad)
+    # Analytic: the same. 5e-3 is asked for; what the holds still yield is within 1e-4.
+    for load in range(2):
+        size = float(np.abs(straight[:, load]).max())
+        np.testing.assert_allclose(turned[:, load], straight[:, load], atol=1e-4 * size)

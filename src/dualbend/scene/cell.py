@@ -21,14 +21,10 @@ from dualbend.types import SIDES, Config, Side, said
 
 PAD_SITE = "pad"
 _WELD_TIME_S, _WELD_TORQUE_SCALE_M = 5e-4, 10.0
-"""Time constant and moment arm of the weld that holds the sheet's edge: MuJoCo caps a constraint's
-impedance, and with the defaults the weld yields as much as the pads do. Tested: what the sheet
-feels is the configured stiffness within 10 % (translation) and 1 % (rotation). What is left depends
-on the direction in the world, since each row of a weld is along a world axis and yields by its own
-inverse inertia: a cell turned by 45 degrees about the vertical would feel 3 % less. The bending
-plane is the world's x and z, which yield alike within 7 % when flat. Measured: a shorter time
-constant takes a third of that away, MuJoCo's exact diagonal halves it and makes z 15 times softer
-than x."""
+"""Time constant [s] and moment arm [m] of the weld that holds the sheet's edge."""
+
+_HOLD_WEIGHT = 10.0, 1e-3
+"""Mass [kg] and inertia [kg m²] by which MuJoCo is to judge both sides of a hold."""
 
 _PEDESTAL_FROM_M = 0.02
 
@@ -173,6 +169,19 @@ def without_looks(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     bare = spec.copy()
     bare.compiler.discardvisual = True
     return bare
+
+
+def harden_holds(model: mujoco.MjModel) -> None:
+    """Make the welds between pads and edges so hard that the sheet feels the pads alone.
+
+    MuJoCo lets each row of a weld, along an axis of the world, yield in proportion to the inverse
+    inertia of its two bodies, A: stiffness K d / (A (1 - d)) with d capped at 0.9999 and K at
+    1/h², h the step. Strips of a gram would yield by 6 % of the pads along the sheet and by 12 %
+    across it, so that wrenches would depend on how the cell is turned. A serves for nothing else
+    on these bodies, which no contact touches; with ``_HOLD_WEIGHT`` the yield is below 1e-4.
+    """
+    for name in (*(f"{side}_{PAD_SITE}" for side in SIDES), LEFT_END, RIGHT_END):
+        model.body_invweight0[model.site(name).bodyid] = np.reciprocal(_HOLD_WEIGHT)
 
 
 def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> None:

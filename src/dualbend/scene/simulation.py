@@ -12,7 +12,7 @@ from dualbend.arm import mjcf as arm
 from dualbend.arm.pair import arm_joints
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.delay import TransportDelay
-from dualbend.scene.cell import PAD_SITE, GraspConfig
+from dualbend.scene.cell import PAD_SITE, GraspConfig, harden_holds
 from dualbend.scene.sheet.model import SheetModel, StripModel
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
 from dualbend.types import SIDES, Vector
@@ -79,6 +79,7 @@ class Simulation:
         sheet: StripConfig | SheetModel,
         latency_steps: int = 0,
     ) -> None:
+        harden_holds(model)
         self.model, self.data = model, mujoco.MjData(model)
         self.steps = steps_per_cycle(model.opt.timestep, COMMAND_PERIOD_S)
         self.joints = arm_joints(model)
