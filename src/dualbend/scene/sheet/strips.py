@@ -105,7 +105,7 @@ def add_sheet(
         for hinge in range(n):
             _add_yielding(spec, hinge, springs, h, sheet.bending_stiffness_nm2 / h)
     for direction, site, yaw in ((-1, LEFT_END, 0.0), (1, RIGHT_END, math.pi)):
-        # A body of its own, fixed to the strip: how hard a hold is must not be how hard contacts are.
+        # A body of its own, fixed to the strip: a harder hold must not make harder contacts.
         edge = _add_half(middle, sheet, config, direction).add_body(name=f"{site}_edge")
         edge.add_site(name=site, pos=[direction * h / 2, 0.0, 0.0], quat=about_z(yaw), **SITE)
 
