@@ -1,6 +1,7 @@
 """The command link against what late, lost and doubled commands must do by hand calculation."""
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,12 @@ from scipy.stats import norm
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.guard import ProtectiveStop
 from dualbend.imperfection.link import CommandLink, LinkConfig
+from dualbend.run.disk.saved import load_run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import Vector
+from support.left_runs import leave
 
 NEVER = 1_000_000
 SHORT = (
@@ -127,6 +130,14 @@ def test_extrapolated_is_exact_at_constant_speed() -> None:
     assert first > 2 and executed[first, 0] == values[first] - 2.0
 
 
+def test_a_kind_of_error_does_not_move_the_draws_of_another() -> None:
+    """Exact: with more of the commands lost no cycle's is fresher, as it were with other draws."""
+    late = {"jitter_s": 0.02, "late_probability": 0.2}
+    _, ages = sent(link(**late), 1000)
+    _, more = sent(link(lost_probability=0.1, **late), 1000)
+    assert (more >= ages).all() and 100 < np.count_nonzero(more > ages) < 900
+
+
 # --- doubled ------------------------------------------------------------------------------------
 
 
@@ -197,6 +208,13 @@ def test_a_run_counts_what_its_arms_executed_late() -> None:
         assert name == "wall_s" or np.array_equal(
             run.trace[name], again.trace[name], equal_nan=True
         )
+
+
+def test_a_run_with_its_ages_is_read_back(tmp_path: Path) -> None:
+    lost = "imperfections.link.lost_probability=0.2"
+    read = load_run(leave(tmp_path / "run", "fig6", *SHORT, lost, until=15))
+    assert read.trace["right_command_age"].any()
+    assert ("left_command_age", "cycles") in read.trace.columns
 
 
 def test_a_run_that_loses_all_is_stopped_for_that_reason() -> None:

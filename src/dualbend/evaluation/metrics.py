@@ -34,7 +34,7 @@ def common_metrics(result: RunRecord) -> dict[str, Metric]:
     """
     trace, wall = result.trace, result.wall_time_s
     ages = [trace[f"{side}_command_age"] for side in SIDES if f"{side}_command_age" in trace]
-    stale = [float(np.count_nonzero(age > 0.0)) for age in ages]
+    stale: list[float | None] = [float(np.count_nonzero(age > 0.0)) for age in ages]
     return {
         "ik_residual_max": Metric(peak(trace["ik_position"]), "m"),
         "ik_rotation_residual_max": Metric(peak(trace["ik_rotation"]), "rad"),

@@ -126,17 +126,18 @@ class _Arm:
     def deliver(self, q: Vector) -> Vector:
         """Send a set-point and return the one that is executed."""
         self._cycle += 1
+        # All are drawn in every cycle: no kind of error moves the draws of another.
+        late, doubled = self._lateness(), self._doubled.random() < self._config.doubled_probability
         if not self._is_lost():
             # A newer command takes the place of one that is due in the same cycle.
-            self._due[self._cycle + self._lateness()] = self._cycle, q
+            self._due[self._cycle + late] = self._cycle, q
         found = self._due.pop(self._cycle, None)
         executed = self._executed
         if self._again:
             self._again, self._missing = False, 0
         elif found is not None and found[0] > self._newest:
             self._newest, executed = found
-            self._again = self._doubled.random() < self._config.doubled_probability
-            self._missing = 0
+            self._again, self._missing = doubled, 0
         else:
             executed = self._without_command()
         self._before, self._executed = self._executed, executed
