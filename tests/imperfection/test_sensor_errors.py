@@ -346,7 +346,18 @@ def test_without_errors_a_sensor_is_the_one_without_this_module() -> None:
     assert np.array_equal(readings(sensor(config), 50), readings(plain, 50))
     scenario = load_scenario("fig6", SHORT)
     model = BendingRun(scenario).cell.simulation.model
-    assert type(make_sensors(scenario, model).chain.sensor) is Sensor
+    plain_chain = make_sensors(scenario, model).chain
+    assert type(plain_chain.sensor) is Sensor
+    # What is believed of the tool gets to the compensation, and what is fresh to the controller.
+    errors = ("tool_mass_ratio=1.1", "dropout_probability=1", "dropout_cycles=9")
+    keys = [f"imperfections.sensor.{error}" for error in errors]
+    both = 'compliance.sensing=["left","right"]'
+    wrong = make_sensors(load_scenario("fig6", [*SHORT, *keys, both]), model)
+    up = np.stack([np.eye(3)] * 2)
+    weight = wrong.chain.tool.wrench(up)[:1]
+    assert np.allclose(weight, 1.1 * plain_chain.tool.wrench(up[:1]), rtol=1e-12)
+    found = [wrong.read(np.zeros((2, 6)), up).fresh.tolist() for _ in range(2)]
+    assert found == [[True, True], [False, False]]
 
 
 def test_a_cut_normal_is_cut_at_three() -> None:
