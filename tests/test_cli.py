@@ -275,7 +275,7 @@ def mislabelled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("jobs") / "job.toml"
     file.write_text(
         'extends = "fig6"\nname = "job"\n[sheet]\nmaterial = "FR-4"\nyoung_pa = 70.3e9\n'
-        "[sensor]\nforce_range_n = 2\n",
+        "[sensor]\nforce_range_n = 2\n[guard]\nsensor_cycles = 1000000\n",
         encoding="utf-8",
     )
     return file

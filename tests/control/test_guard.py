@@ -91,6 +91,7 @@ def test_what_is_outside_is_told_by_kind_and_joint() -> None:
 # --- a sensor that tells less than acts ---------------------------------------------------------
 
 FREE = np.zeros((2, 6), dtype=np.bool_)
+FRESH = np.ones(2, dtype=np.bool_)
 
 
 def clipped(arm: int, *axes: int) -> Mask:
@@ -103,16 +104,30 @@ def clipped(arm: int, *axes: int) -> Mask:
 def test_only_cycles_in_a_row_at_the_range_of_a_sensor_end_a_run(arm: int, side: str) -> None:
     checked = SensorGuard(GuardConfig(sensor_cycles=3), ("left", "right"))
     for mask in (clipped(arm, 0), clipped(arm, 0), FREE, clipped(arm, 1), clipped(1 - arm, 0)):
-        checked.check(mask)
-    checked.check(clipped(arm, 2))
-    checked.check(clipped(arm, 5))
+        checked.check(mask, FRESH)
+    checked.check(clipped(arm, 2), FRESH)
+    checked.check(clipped(arm, 5), FRESH)
     # Exact: the third in a row, of whatever axis; the message has those of now.
     message = rf"the {side} sensor is at the end of its range \(force z, moment x\) for 3 cycles"
     with pytest.raises(ProtectiveStop, match=message):
-        checked.check(clipped(arm, 2, 3))
+        checked.check(clipped(arm, 2, 3), FRESH)
 
 
-def test_a_sensor_that_may_be_at_its_range_for_ever_never_ends_a_run() -> None:
-    checked = SensorGuard(GuardConfig(), ("left", "right"))
-    for _ in range(100):
-        assert not checked.outside(clipped(0, 0)).any()
+@pytest.mark.parametrize(("arm", "side"), [(0, "left"), (1, "right")])
+def test_a_sensor_that_tells_nothing_new_for_too_long_ends_a_run(arm: int, side: str) -> None:
+    lost = FRESH.copy()
+    lost[arm] = False
+    checked = SensorGuard(GuardConfig(lost_cycles=3), ("left", "right"))
+    for fresh in (lost, lost, FRESH, lost, lost[::-1], lost, lost):
+        checked.check(clipped(arm, 0) if fresh is FRESH else FREE, fresh)
+    with pytest.raises(ProtectiveStop, match=f"the {side} sensor has told nothing new for 3 cycle"):
+        checked.check(FREE, lost)
+
+
+def test_a_run_is_stopped_after_five_cycles_unless_it_says_otherwise() -> None:
+    """Exact: of both kinds, in the order of what is returned."""
+    for clip, fresh, kind in ((clipped(0, 0), FRESH, 0), (FREE, ~FRESH, 1)):
+        checked = SensorGuard(GuardConfig(), ("left", "right"))
+        found = [checked.outside(clip, fresh) for _ in range(5)]
+        assert not np.any(found[:4])
+        assert found[4][kind, 0] and not found[4][1 - kind].any()

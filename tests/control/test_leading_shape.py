@@ -213,7 +213,7 @@ def test_wrench_chain(worlds: Shape, seed: int) -> None:
         turns = rotations(angles)
         samples = [chain.update(*each) for each in zip(wrench, turns, strict=True)]
         return [
-            (s.sensor.components, s.raw.components, s.filtered.components, s.clipped)
+            (s.sensor.components, s.raw.components, s.filtered.components, s.clipped, s.fresh)
             for s in samples
         ]
 
@@ -241,7 +241,8 @@ def test_guard_tells_what_is_outside(worlds: Shape, seed: int) -> None:
 def test_sensor_guard_tells_which_sensor_is_outside(worlds: Shape, seed: int) -> None:
     def stream(shape: Shape, _: list[int], wrench: Vector) -> list[tuple[Any, ...]]:
         guard = SensorGuard(GuardConfig(sensor_cycles=2), ("left", "right"), shape)
-        return [(guard.outside(np.abs(row) > 2.5),) for row in wrench]
+        clipped, fresh = np.abs(wrench) > 2.5, wrench[..., 0] > 0.0
+        return [tuple(guard.outside(*row)) for row in zip(clipped, fresh, strict=True)]
 
     assert_worlds_are_single_ones(stream, worlds, seed, {"wrench": (1.5, (2, 6))})
 

@@ -25,6 +25,8 @@ SHORT = ("motion.speed_rad_per_s=0.4", "path.end_rad=0.4", "motion.settle_s=0.1"
 ALUMINIUM = {"young_pa": 70.3e9, "poisson_ratio": 0.33, "density_kg_per_m3": 2680.0}
 UNNAMED = ("sheet.material=none", *(f"sheet.{key}={value!r}" for key, value in ALUMINIUM.items()))
 
+UNSTOPPED = ("guard.sensor_cycles=1000000",)
+
 BEND = 1  # index of the phase
 ROWS = 20
 
@@ -198,7 +200,6 @@ def test_a_sensor_at_the_end_of_its_range_is_said_with_cycles_and_axes() -> None
     (warning,) = run_warnings(full)
     assert "the left sensor was at the end of its range (±65 N, ±4.998 N m)" in warning
     assert "in 5 of 20 cycles, at most 3 in a row (force x, moment y)" in warning
-    assert "guard.sensor_cycles" in warning
     # A count less is a reading.
     near = record(left_sensor_force_x=at([2], 64.95), left_sensor_moment_y=at([9], -4.995))
     assert run_warnings(near) == []
@@ -207,9 +208,25 @@ def test_a_sensor_at_the_end_of_its_range_is_said_with_cycles_and_axes() -> None
 def test_cycles_without_a_reading_do_not_count() -> None:
     reading = at([0], -65.0)
     reading[-1] = np.nan  # the cycle in which the guard stopped the arms
-    (warning,) = run_warnings(record("guard.sensor_cycles=2", left_sensor_force_z=reading))
+    (warning,) = run_warnings(record(left_sensor_force_z=reading))
     assert "in 1 of 19 cycles" in warning
-    assert "guard.sensor_cycles" not in warning  # it has one
+
+
+def test_a_sensor_that_repeats_its_reading_is_said_where_the_scenario_lets_it() -> None:
+    """Exact: rows 4, 5 and 9 repeat the one before; in one axis alone, as row 14, is a reading."""
+    force = np.arange(20.0)
+    force[[4, 5, 9, 14]] = force[[3, 3, 8, 13]]
+    moment = np.where(np.arange(20) == 14, 1.0, 0.0)
+    columns = {"left_sensor_force_x": force, "left_sensor_moment_y": moment}
+    drops = "imperfections.sensor.dropout_probability=0.1"
+    (warning,) = run_warnings(record(drops, **columns))
+    assert warning == "the left sensor told nothing new in 3 of 20 cycles, at most 2 in a row"
+    (stuck,) = run_warnings(record('imperfections.sensor.stuck=["right"]', **columns))
+    assert stuck == warning
+    assert run_warnings(record(**columns)) == []
+    # One without noise may be right to say the same again.
+    still = ("sensor.force_noise_n=0", "sensor.torque_noise_nm=0.002")
+    assert run_warnings(record(drops, *still, **columns)) == []
 
 
 def test_only_an_arm_that_senses_has_a_sensor() -> None:
@@ -228,7 +245,8 @@ def test_the_reading_that_the_simulated_sensor_clips_is_the_one_that_is_said() -
         (["sensor.force_range_n=2"], "force x, force z"),
         (["sensor.force_range_n=6.48"], "force z"),
     ):
-        (warning,) = run_warnings(BendingRun(load_scenario("fig6", [*SHORT, *settings])).run())
+        scenario = load_scenario("fig6", [*SHORT, *settings, *UNSTOPPED])
+        (warning,) = run_warnings(BendingRun(scenario).run())
         assert f"({axes})" in warning
     wide = BendingRun(load_scenario("fig6", [*SHORT, "sensor.force_range_n=7"])).run()
     assert run_warnings(wide) == []
@@ -309,6 +327,7 @@ def test_a_run_without_a_cycle_has_nothing_to_say() -> None:
 
 def test_the_summary_holds_those_of_before_and_after() -> None:
     settings = [*SHORT, "sheet.thickness_m=0.001", "path.end_rad=1.0", "sensor.force_range_n=2"]
+    settings += UNSTOPPED
     run = BendingRun(load_scenario("fig6", [*settings, "motion.speed_rad_per_s=1.0"])).run()
     found = run.summary.warnings
     assert found == [*scenario_warnings(run.scenario), *run_warnings(run)]

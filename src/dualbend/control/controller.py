@@ -31,6 +31,8 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
         bending frame, before and after the low-pass; NaN for an arm without a sensor.
     clipped
         (..., arms with a sensor, 6): axes of a sensor at the end of its range: more acts than read.
+    fresh
+        (..., arms with a sensor): its reading is a new one; else the last one stands here again.
     joints_rad
         Measured joint angles (..., n) of both arms.
     measured, nominal
@@ -43,6 +45,7 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
     raw: Wrench
     filtered: Wrench
     clipped: Mask
+    fresh: Mask
     joints_rad: Vector
     measured: PlanarPose
     nominal: PlanarPose
@@ -66,6 +69,7 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
             raw=both.part(0),
             filtered=both.part(1),
             clipped=reading.clipped,
+            fresh=reading.fresh,
             joints_rad=joints_rad,
             measured=measured,
             nominal=nominal,

@@ -67,6 +67,15 @@ class ForceTorqueConfig(Config):
             _whole_counts(self.torque_range_nm, self.torque_resolution_nm),
         )
 
+    @property
+    def may_repeat(self) -> bool:
+        """Two readings in a row may be equal on all axes: no noise is as large as a count."""
+        channels = (
+            (self.force_noise_n, self.force_resolution_n),
+            (self.torque_noise_nm, self.torque_resolution_nm),
+        )
+        return not any(noise > 0.0 and noise >= count for noise, count in channels)
+
     def latency_steps(self, step_s: float) -> int:
         """Return the latency in whole physics steps of `step_s` [s]: the nearest, halves up.
 
@@ -85,7 +94,8 @@ class Sensor:
 
     ``rng`` is the source of the noise; with a
     leading shape one for each sensor, in C order: its noise does not depend on the others'. It is
-    not drawn from when both noises are 0.
+    not drawn from when both noises are 0. ``arrived`` (...): of the last reading, that its record
+    came; here it always does.
 
     Raises
     ------
@@ -106,6 +116,7 @@ class Sensor:
                 f"rng: {len(streams)} sources of noise for sensors of the leading shape {shape}: "
                 f"need {math.prod(shape)}, one for each"
             )
+        self.arrived: Mask = np.ones(shape, dtype=np.bool_)
         whole = (*shape, 6)
         self._bias = np.broadcast_to([*config.force_bias_n, *config.torque_bias_nm], whole).copy()
         self._scale = _each((config.force_noise_n, config.torque_noise_nm), whole)
@@ -169,12 +180,14 @@ class WrenchReading(msgspec.Struct, frozen=True, kw_only=True):
 
     ``sensor`` (..., 6): as read, about the sensor's origin, in S. ``grips`` (2, ..., 6): without
     the tool's weight, about the grip centre, in G, before and after the low-pass. ``clipped``
-    (..., 6): axes at the end of the sensor's range.
+    (..., 6): axes at the end of the sensor's range. ``fresh`` (...): a new reading, not the last
+    one again.
     """
 
     sensor: Wrench
     grips: Wrench
     clipped: Mask
+    fresh: Mask
 
     @property
     def raw(self) -> Wrench:
@@ -192,7 +205,8 @@ class WrenchChain:
 
     F_G = R_GS (F_S − F_tool), M_G = R_GS (M_S − M_tool − r × (F_S − F_tool)), with r the lever arm
     along x_G and R_GS (3, 3) from S to G. The elements are of one leading shape; the low-pass has
-    six channels and takes the first reading as its steady state.
+    six channels and takes the first reading as its steady state. A reading is fresh that arrived
+    and, of a sensor with a count of noise, is not equal to the last one on all axes.
 
     Raises
     ------
@@ -219,10 +233,13 @@ class WrenchChain:
         units = Wrench(np.eye(6), "sensor", "sensor").turned(rotation, "grip").moved(lever, "grip")
         self._to_grip = units.components.T.copy()
         self._primed = False
+        self._last = np.full(1, np.nan)
 
     def update(self, wrench: Vector, rotation_world_sensor: Vector) -> WrenchReading:
         """Process the true force [N] and torque [N m] (..., 6) in S, with R_WS (..., 3, 3)."""
         reading, clipped = self.sensor.read(wrench)
+        changed = np.any(reading != self._last, axis=-1) | self.sensor.config.may_repeat
+        self._last = reading
         grips = np.empty((2, *reading.shape))
         grips[0] = matvec(self._to_grip, reading - self.tool.wrench(rotation_world_sensor))
         if not self._primed:
@@ -233,4 +250,5 @@ class WrenchChain:
             sensor=Wrench(reading, "sensor", "sensor"),
             grips=Wrench(grips, "grip", "grip"),
             clipped=clipped,
+            fresh=self.sensor.arrived & changed,
         )

@@ -21,13 +21,12 @@ class GuardConfig(Config):
         int, said("cycles in a row at the torque limit", ge=1, le=1_000_000)
     ] = 3
     speed_fraction: Annotated[float, said("of the published joint speeds", gt=0, le=1)] = 1.0
-    sensor_cycles: (
-        Annotated[
-            int,
-            said("cycles in a row at a sensor's range end; none: no limit", ge=1, le=1_000_000),
-        ]
-        | None
-    ) = None
+    sensor_cycles: Annotated[
+        int, said("cycles in a row at a sensor's range end", ge=1, le=1_000_000)
+    ] = 5
+    lost_cycles: Annotated[
+        int, said("cycles in a row without a new reading of a sensor", ge=1, le=1_000_000)
+    ] = 5
 
 
 class ProtectiveStop(Exception):  # noqa: N818 - an event of the robot, not an error of ours
@@ -95,7 +94,7 @@ class Guard:
 
 
 class SensorGuard:
-    """Stops the arms where a wrist sensor tells too long less than acts on it.
+    """Stops the arms where a wrist sensor tells too long less than acts on it, or nothing new.
 
     Of the sensors of the arms ``sides``; ``shape``: leading shape.
     """
@@ -103,28 +102,35 @@ class SensorGuard:
     def __init__(
         self, config: GuardConfig, sides: Sequence[Side], shape: tuple[int, ...] = ()
     ) -> None:
-        self._allowed, self._sides = config.sensor_cycles, sides
-        self._cycles_clipped = np.zeros((*shape, len(sides)), dtype=np.int_)
+        self._sides = sides
+        self._cycles = np.zeros((2, *shape, len(sides)), dtype=np.int_)
+        allowed = np.array([config.sensor_cycles, config.lost_cycles])
+        self._allowed = allowed.reshape(2, *[1] * (len(shape) + 1))
 
-    def outside(self, clipped: Mask) -> Mask:
-        """Tell which sensors (..., arms) were at their range's end for too long; once a cycle.
+    def outside(self, clipped: Mask, fresh: Mask) -> Mask:
+        """Tell which sensors were at their range's end, or lost, for too long; once a cycle.
 
-        ``clipped`` (..., arms, 6): axes at the end of the range in this cycle.
+        ``clipped`` (..., arms, 6): axes at the end of the range in this cycle. ``fresh``
+        (..., arms): sensors with a new reading.
+
+        Returns
+        -------
+        Mask
+            (2, ..., arms): by cycles in a row at the range's end, without a new reading.
         """
-        self._cycles_clipped += 1
-        self._cycles_clipped *= clipped.any(axis=-1)
-        if self._allowed is None:
-            return np.zeros_like(self._cycles_clipped, dtype=np.bool_)
-        return np.asarray(self._cycles_clipped >= self._allowed)
+        self._cycles += 1
+        self._cycles[0] *= clipped.any(axis=-1)
+        self._cycles[1] *= ~fresh
+        return np.asarray(self._cycles >= self._allowed)
 
-    def check(self, clipped: Mask) -> None:
+    def check(self, clipped: Mask, fresh: Mask) -> None:
         """Raise ProtectiveStop where a sensor (arms,) of a single robot cell is :meth:`outside`."""
-        outside = self.outside(clipped)
-        if not outside.any():
+        outside = self.outside(clipped, fresh)
+        if not np.count_nonzero(outside):
             return
-        i = int(np.argmax(outside))
+        kind, i = np.argwhere(outside)[0]
         axes = ", ".join(np.array(SENSOR_AXES)[clipped[i]])
+        does = (f"is at the end of its range ({axes})", "has told nothing new")[kind]
         raise ProtectiveStop(
-            f"the {self._sides[i]} sensor is at the end of its range ({axes}) "
-            f"for {self._cycles_clipped[i]} cycles"
+            f"the {self._sides[i]} sensor {does} for {self._cycles[kind, i]} cycles"
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import msgspec
 import numpy as np
 
 from dualbend.control.force_torque import WrenchChain, WrenchReading
@@ -33,6 +34,4 @@ class WristSensors:
         both = np.empty((2, *wrench.shape))
         both.fill(np.nan)
         both[..., arms, :] = reading.grips.components
-        return WrenchReading(
-            sensor=reading.sensor, grips=Wrench(both, "grip", "grip"), clipped=reading.clipped
-        )
+        return msgspec.structs.replace(reading, grips=Wrench(both, "grip", "grip"))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dualbend.run.record import Metric, RunRecord, TableRow
 from dualbend.scenario.motion import PHASES
-from dualbend.types import Vector
+from dualbend.types import SIDES, Vector
 
 
 def bending_rows(result: RunRecord) -> NDArray[np.bool_]:
@@ -27,12 +27,19 @@ def sensing_column(result: RunRecord, name: str) -> Vector:
 
 
 def common_metrics(result: RunRecord) -> dict[str, Metric]:
-    """Return the metrics that a run of any task has."""
+    """Return the metrics that a run of any task has.
+
+    ``stale_commands``, of a run whose link makes errors: the cycles in which the left and the right
+    arm executed no command of that cycle.
+    """
     trace, wall = result.trace, result.wall_time_s
+    ages = [trace[f"{side}_command_age"] for side in SIDES if f"{side}_command_age" in trace]
+    stale: list[float | None] = [float(np.count_nonzero(age > 0.0)) for age in ages]
     return {
         "ik_residual_max": Metric(peak(trace["ik_position"]), "m"),
         "ik_rotation_residual_max": Metric(peak(trace["ik_rotation"]), "rad"),
         "saturated_cycles": Metric(float(np.nansum(trace["saturated"])), "1"),
+        **({"stale_commands": Metric(stale, "1")} if stale else {}),
         "simulated_time": Metric(result.simulated_s, "s"),
         "realtime_factor": Metric(result.simulated_s / wall, "1"),
         "wall_time": Metric(wall, "s"),
@@ -113,9 +120,10 @@ COMMON_METRICS = (
     "ik_residual_max",
     "ik_rotation_residual_max",
     "saturated_cycles",
+    "stale_commands",
     "simulated_time",
 )
-"""Metrics that a run of any task has, but for those of the machine."""
+"""Metrics that a run of any task may have, but for those of the machine."""
 
 WALL_CLOCK = frozenset({"wall_time", "realtime_factor"})
 """Metrics of the machine, not of the run: never in a baseline."""

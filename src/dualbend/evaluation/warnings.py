@@ -41,7 +41,7 @@ def scenario_warnings(scenario: Scenario) -> list[str]:
 
 def run_warnings(run: RunRecord) -> list[str]:
     """Return what is known after a run: of its sheet, its sensors, its compliance."""
-    found = [*_saturated_sensors(run), *_late_compliance(run)]
+    found = [*_saturated_sensors(run), *_lost_sensors(run), *_late_compliance(run)]
     sheet, report = run.scenario.sheet, sheet_report(run.scenario)
     if not _strain_warnings(sheet, report, report.nominal_strain, ""):
         strain = peak(surface_strain(run))
@@ -127,26 +127,53 @@ def _saturated_sensors(run: RunRecord) -> list[str]:
     """Return what to say of each sensor that was at the end of its range."""
     found = []
     force, torque = run.scenario.sensor.full_scale
-    hint = "" if run.scenario.guard.sensor_cycles else "; guard.sensor_cycles can end such a run"
-    for side in (side for side in SIDES if side in run.scenario.compliance.sensing):
+    for side in _sensing(run):
         at_end = _at_range_end(run, side)
         cycles, axes = np.any(at_end, axis=1), np.array(SENSOR_AXES)[np.any(at_end, axis=0)]
         if axes.size:
             found.append(
                 f"the {side} sensor was at the end of its range (±{force:g} N, ±{torque:g} N m) in "
                 f"{np.count_nonzero(cycles)} of {len(cycles)} cycles, at most {_in_a_row(cycles)} "
-                f"in a row ({', '.join(axes)}): it read less than acted{hint}"
+                f"in a row ({', '.join(axes)}): it read less than acted"
             )
     return found
 
 
-def _at_range_end(run: RunRecord, side: Side) -> Mask:
-    """Return which axes of a sensor read full scale, in the cycles that it was read in (n, 6)."""
+def _lost_sensors(run: RunRecord) -> list[str]:
+    """Return what to say of each sensor that told its last reading again.
+
+    Only of one that may do so in the scenario, and has the noise by which it is noticed.
+    """
+    errors = run.scenario.imperfections.sensor
+    found = []
+    for side in _sensing(run):
+        if run.scenario.sensor.may_repeat or not (errors.dropout_probability or errors.stuck):
+            continue
+        readings = _readings(run, side)
+        again = np.all(readings[1:] == readings[:-1], axis=1)
+        if again.any():
+            found.append(
+                f"the {side} sensor told nothing new in {np.count_nonzero(again)} of "
+                f"{len(readings)} cycles, at most {_in_a_row(again)} in a row"
+            )
+    return found
+
+
+def _sensing(run: RunRecord) -> list[Side]:
+    return [side for side in SIDES if side in run.scenario.compliance.sensing]
+
+
+def _readings(run: RunRecord, side: Side) -> Vector:
+    """Return what a sensor read, in the cycles that it was read in (n, 6)."""
     names = [f"{side}_sensor_{axis.replace(' ', '_')}" for axis in SENSOR_AXES]
     readings = np.stack([run[name] for name in names], axis=1)
-    readings = readings[~np.isnan(readings).any(axis=1)]
+    return readings[~np.isnan(readings).any(axis=1)]
+
+
+def _at_range_end(run: RunRecord, side: Side) -> Mask:
+    """Return which axes of a sensor read full scale, in the cycles that it was read in (n, 6)."""
     full = np.repeat(run.scenario.sensor.full_scale, 3)
-    return np.asarray(np.abs(readings) >= full * (1.0 - 1e-9))
+    return np.asarray(np.abs(_readings(run, side)) >= full * (1.0 - 1e-9))
 
 
 def _in_a_row(cycles: Mask) -> int:

@@ -6,6 +6,10 @@ import zlib
 
 import numpy as np
 
+from dualbend.types import Vector
+
+_CUT = 3.0
+
 
 def stream(seed: int, *names: str | int) -> np.random.Generator:
     """Return the generator of a scenario's seed that belongs to these names.
@@ -14,3 +18,8 @@ def stream(seed: int, *names: str | int) -> np.random.Generator:
     """
     words = [zlib.crc32(str(name).encode()) for name in names]
     return np.random.default_rng([seed, *words])
+
+
+def cut_normal(rng: np.random.Generator, spread: float, shape: tuple[int, ...]) -> Vector:
+    """Draw normal errors of standard deviation ``spread``, cut at three of it: no part is worse."""
+    return np.clip(rng.standard_normal(shape), -_CUT, _CUT) * spread

@@ -1,9 +1,196 @@
-"""What the wrist sensors tell wrongly, beside noise and rounding."""
+"""What the wrist sensors tell wrongly, beside noise, bias and rounding."""
 
 from __future__ import annotations
 
-from dualbend.types import Config
+from collections.abc import Sequence
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from dualbend.control.force_torque import ForceTorqueConfig, Sensor
+from dualbend.imperfection.draws import cut_normal, stream
+from dualbend.types import Config, Mask, Side, Vector, said
+
+_HOUR_S = 3600.0
+
+_Force = Annotated[float, said("of every force since the zero [N/h]", ge=-1e3, le=1e3)]
+_Torque = Annotated[float, said("of every torque since the zero [N m/h]", ge=-1e3, le=1e3)]
+_ForceSpread = Annotated[
+    float, said("standard deviation of that rate, by axis and arm [N/h]", ge=0, le=1e3)
+]
+_TorqueSpread = Annotated[
+    float, said("standard deviation of that rate, by axis and arm [N m/h]", ge=0, le=1e3)
+]
+_ForceWalk = Annotated[
+    float, said("random walk of a force: its standard deviation after an hour [N]", ge=0, le=1e3)
+]
+_TorqueWalk = Annotated[
+    float, said("random walk of a torque: its standard deviation after an hour [N m]", ge=0, le=1e3)
+]
+_Metre = Annotated[float, msgspec.Meta(ge=-1, le=1)]
+_Probability = Annotated[float, said("that one begins, per cycle [-]", ge=0, le=1)]
 
 
 class SensorErrors(Config):
-    """What the wrist sensors tell wrongly, beside noise and rounding."""
+    """What the wrist sensors tell wrongly, and what is believed wrongly of the tools they carry.
+
+    A sensor reads C w + d + s before noise and rounding. C: scale (1 + spread) on its diagonal; a
+    load of full scale along one axis reads a drawn part of full scale along each other one. d: rate
+    times time since the sensor was zeroed, and a random walk that grows with its root. s: a spike,
+    on one axis with either sign for one cycle. After rounding, a drop-out or a stuck sensor tells
+    the last reading again. What is drawn is cut at three standard deviations.
+
+    Data sheets of ATI transducers give the measurement uncertainty as 1 to 2 % of full scale at
+    95 % confidence; that it is shared between scale and cross-talk as here is assumed.
+    """
+
+    force_drift_n_per_h: _Force = 0.0
+    torque_drift_nm_per_h: _Torque = 0.0
+    force_drift_spread_n_per_h: _ForceSpread = 0.0
+    torque_drift_spread_nm_per_h: _TorqueSpread = 0.0
+    force_walk_n: _ForceWalk = 0.0
+    torque_walk_nm: _TorqueWalk = 0.0
+    zeroed_before_s: Annotated[
+        float, said("time from the sensors' zero to the start of the run", ge=0, le=1e6)
+    ] = 0.0
+    scale_ratio: Annotated[float, said("reading over load, every axis", ge=0.1, le=10)] = 1.0
+    scale_spread: Annotated[
+        float, said("standard deviation of the scale, by axis and arm [-]", ge=0, le=0.3)
+    ] = 0.0
+    cross_talk_spread: Annotated[
+        float,
+        said("of full scale per full scale of another axis, standard deviation [-]", ge=0, le=0.3),
+    ] = 0.0
+    tool_mass_ratio: Annotated[float, said("tool's mass, believed over true", ge=0, le=10)] = 1.0
+    tool_mass_spread: Annotated[
+        float, said("standard deviation of that ratio, by arm [-]", ge=0, le=0.3)
+    ] = 0.0
+    tool_centre_error_m: Annotated[
+        tuple[_Metre, _Metre, _Metre],
+        said("tool's centre of mass, believed less true, in sensor axes"),
+    ] = (0.0, 0.0, 0.0)
+    tool_centre_spread_m: Annotated[
+        float, said("standard deviation of that error, by axis and arm", ge=0, le=1)
+    ] = 0.0
+    dropout_probability: _Probability = 0.0
+    dropout_cycles: Annotated[int, said("without a reading, each time", ge=1, le=1_000_000)] = 1
+    stuck: Annotated[
+        tuple[Side, ...], said("arms whose sensor repeats one reading", max_length=2)
+    ] = ()
+    stuck_from_s: Annotated[float, said("time of the run at which it begins", ge=0, le=3600)] = 0.0
+    stuck_for_s: Annotated[float, said("how long it lasts", ge=0, le=3600)] = 3600.0
+    spike_probability: _Probability = 0.0
+    spike_force_n: Annotated[float, said("size of one on a force", ge=0, le=1e5)] = 0.0
+    spike_torque_nm: Annotated[float, said("size of one on a torque", ge=0, le=1e5)] = 0.0
+
+    def believed_tool(
+        self, seed: int, side: Side, mass_kg: float, centre_m: Vector
+    ) -> tuple[float, Vector]:
+        """Return mass [kg] and centre (3,) [m] that are believed of a tool that has these."""
+        ratio = self.tool_mass_ratio + cut_normal(
+            stream(seed, "sensor", side, "tool mass"), self.tool_mass_spread, ()
+        )
+        error = self.tool_centre_error_m + cut_normal(
+            stream(seed, "sensor", side, "tool centre"), self.tool_centre_spread_m, (3,)
+        )
+        return mass_kg * max(float(ratio), 0.0), centre_m + error
+
+
+class ErringSensor(Sensor):
+    """Wrist sensors with their errors; ``arms``: seed and side of each, in C order of ``shape``.
+
+    The noise is that of :class:`Sensor` with the same ``rng``. One reading is taken a cycle of
+    ``period_s`` [s].
+    """
+
+    def __init__(
+        self,
+        config: ForceTorqueConfig,
+        rng: np.random.Generator | Sequence[np.random.Generator],
+        errors: SensorErrors,
+        arms: Sequence[tuple[int, Side]],
+        shape: tuple[int, ...] = (),
+        *,
+        period_s: float,
+    ) -> None:
+        super().__init__(config, rng, shape)
+        self._each = [_Errors(errors, config, *arm, period_s) for arm in arms]
+
+    def read(self, wrench: Vector) -> tuple[Vector, Mask]:
+        """Return the readings of wrenches in S [N, N m] and where they are clipped (..., 6)."""
+        told = wrench.reshape(-1, 6)
+        told = np.stack([each.distort(one) for each, one in zip(self._each, told, strict=True)])
+        reading, clipped = super().read(told.reshape(wrench.shape))
+        rows = zip(reading.reshape(-1, 6), clipped.reshape(-1, 6), strict=True)
+        arrived = [each.repeat(*row) for each, row in zip(self._each, rows, strict=True)]
+        self.arrived = np.reshape(arrived, wrench.shape[:-1])
+        return reading, clipped
+
+
+class _Errors:
+    """The errors of one sensor, cycle by cycle."""
+
+    def __init__(
+        self,
+        errors: SensorErrors,
+        config: ForceTorqueConfig,
+        seed: int,
+        side: Side,
+        period_s: float,
+    ) -> None:
+        def draws(name: str) -> np.random.Generator:
+            return stream(seed, "sensor", side, name)
+
+        def pair(force: float, torque: float) -> Vector:
+            return np.repeat([force, torque], 3)
+
+        self._errors, self._period_s = errors, period_s
+        full = pair(*config.full_scale)
+        talk = cut_normal(draws("cross-talk"), errors.cross_talk_spread, (6, 6))
+        self._matrix: Vector = talk * np.divide.outer(full, full)
+        scale = errors.scale_ratio + cut_normal(draws("scale"), errors.scale_spread, (6,))
+        np.fill_diagonal(self._matrix, scale)
+        spread = pair(errors.force_drift_spread_n_per_h, errors.torque_drift_spread_nm_per_h)
+        rate = pair(errors.force_drift_n_per_h, errors.torque_drift_nm_per_h)
+        rate = rate + spread * cut_normal(draws("drift"), 1.0, (6,))
+        self._drift_per_cycle = rate * period_s / _HOUR_S
+        walk = pair(errors.force_walk_n, errors.torque_walk_nm)
+        self._walk_per_cycle = walk * np.sqrt(period_s / _HOUR_S)
+        self._walks, self._spikes, self._dropouts = map(draws, ("walk", "spike", "drop-out"))
+        before = errors.zeroed_before_s / _HOUR_S
+        self._drift = rate * before + walk * np.sqrt(before) * self._walks.standard_normal(6)
+        self._spike = pair(errors.spike_force_n, errors.spike_torque_nm)
+        stuck_s = errors.stuck_from_s, errors.stuck_from_s + errors.stuck_for_s
+        self._stuck = [s / period_s - 1e-6 if side in errors.stuck else 0.0 for s in stuck_s]
+        self._cycle, self._missing = 0, 0
+        self._last: tuple[Vector, Mask] | None = None
+
+    def distort(self, wrench: Vector) -> Vector:
+        """Return what the transducer makes of a true wrench (6,)."""
+        told: Vector = self._matrix @ wrench + self._drift
+        self._drift = self._drift + self._drift_per_cycle
+        self._drift += self._walk_per_cycle * self._walks.standard_normal(6)
+        chance, axis, sign = self._spikes.random(3)
+        if chance < self._errors.spike_probability:
+            i = int(6 * axis)
+            told[i] += self._spike[i] if sign < 0.5 else -self._spike[i]
+        return told
+
+    def repeat(self, reading: Vector, clipped: Mask) -> bool:
+        """Put the last reading in place of one that is not told; tell whether a record arrived.
+
+        A stuck sensor goes on sending records. The first reading of a run always arrives.
+        """
+        begins = self._dropouts.random() < self._errors.dropout_probability
+        if begins and not self._missing:
+            self._missing = self._errors.dropout_cycles
+        first, last = self._stuck
+        stuck = first <= self._cycle < last
+        arrived = not self._missing or self._last is None
+        self._cycle, self._missing = self._cycle + 1, max(self._missing - 1, 0)
+        if self._last is not None and (stuck or not arrived):
+            reading[:], clipped[:] = self._last
+        else:
+            self._last = reading.copy(), clipped.copy()
+        return arrived

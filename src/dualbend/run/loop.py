@@ -23,6 +23,8 @@ from dualbend.control.force_torque import (
 from dualbend.control.guard import Guard, ProtectiveStop, SensorGuard
 from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError, shortened
+from dualbend.imperfection.link import CommandLink
+from dualbend.imperfection.sensor import ErringSensor, SensorErrors
 from dualbend.run.cell import RobotCell
 from dualbend.run.identity import RunIdentity
 from dualbend.run.known_sheet import make_compliance
@@ -101,7 +103,9 @@ class Run:
             self.scenario.sheet.model.sections,
             simulation.joints,
             task_of(self.scenario).part("columns")(self.scenario),
+            link=self.scenario.imperfections.link.errs,
         )
+        self._link = make_link(self.scenario, self.cell)
         self._guard = Guard(
             self.scenario.guard,
             simulation.joints,
@@ -182,10 +186,10 @@ class Run:
         """Return what the controller observes and the command that it makes of it.
 
         ``nominal``: of both arms (2, 3), each in its own bending frame. Raises ProtectiveStop where
-        a sensor is at its range's end for longer than the guard allows.
+        a sensor is at its range's end, or tells nothing new, for longer than the guard allows.
         """
         self.trace.record_reading(reading)
-        self._sensor_guard.check(reading.clipped)
+        self._sensor_guard.check(reading.clipped, reading.fresh)
         observed = Observed.of(
             reading,
             time_s=(self.trace.rows - 1) * COMMAND_PERIOD_S,
@@ -208,8 +212,11 @@ class Run:
         if not solution.reached:
             raise ProtectiveStop(f"commanded {ik.describe_miss(solution)}")
         self._previous, self._q = self._q, solution.q
-        self.sample = self.cell.send(self._q)
-        self.trace.record_control(observation, command, solution, time.perf_counter() - self._began)
+        link = self._link
+        self.sample = self.cell.send(link.deliver(self._q) if link else self._q)
+        wall_s = time.perf_counter() - self._began
+        ages = link.ages if link else ()
+        self.trace.record_control(observation, command, solution, wall_s, ages)
         if self._on_cycle is not None:
             self._on_cycle(self.trace.rows)
 
@@ -244,11 +251,29 @@ def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
     streams = np.random.SeedSequence(scenario.seed).spawn(len(SIDES))
     arms = [i for i, side in enumerate(SIDES) if side in scenario.compliance.sensing]
     shape = (len(arms),)
-    tools = [tool_mass_and_centre(model, SIDES[i]) for i in arms]
+    errors, noise = scenario.imperfections.sensor, [np.random.default_rng(streams[i]) for i in arms]
+    named = [(scenario.seed, SIDES[i]) for i in arms]
+    sensor = (
+        Sensor(scenario.sensor, noise, shape)
+        if errors == SensorErrors()
+        else ErringSensor(scenario.sensor, noise, errors, named, shape, period_s=COMMAND_PERIOD_S)
+    )
+    tools = [
+        errors.believed_tool(seed, side, *tool_mass_and_centre(model, side)) for seed, side in named
+    ]
     chain = WrenchChain(
-        Sensor(scenario.sensor, [np.random.default_rng(streams[i]) for i in arms], shape),
+        sensor,
         ToolGravityCompensation([mass for mass, _ in tools], [centre for _, centre in tools]),
         LowPass(scenario.filter, period_s=COMMAND_PERIOD_S, shape=shape),
         np.eye(3),
     )
     return WristSensors(chain, arms)
+
+
+def make_link(scenario: Scenario, cell: RobotCell) -> CommandLink | None:
+    """Return the link of both arms' commands; None where it makes no error."""
+    config, joints = scenario.imperfections.link, cell.simulation.joints
+    if not config.errs:
+        return None
+    counts = [sum(name.startswith(side) for name in joints) for side in SIDES]
+    return CommandLink(config, scenario.seed, SIDES, counts, cell.home, period_s=COMMAND_PERIOD_S)

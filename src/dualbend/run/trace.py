@@ -42,6 +42,8 @@ def trace_columns(
     hinges: int,
     joints: Sequence[str],
     task: Sequence[tuple[str, str]] = (),
+    *,
+    link: bool = False,
 ) -> dict[str, list[tuple[str, str]]]:
     """Return names and units of a trace's columns in their order, those of one origin together.
 
@@ -76,6 +78,7 @@ def trace_columns(
             for i in sensing
         },
         "saturated": [("saturated", "1")],
+        "link": [(f"{side}_command_age", "cycles") for side in SIDES if link],
         "task": list(task),
         "wall": [("wall_s", "s")],
     }
@@ -213,6 +216,8 @@ class TraceRecorder(Trace):
         Names of the arms' joints, such as ``left_joint1``.
     task
         Further columns, with their units, that only this task has.
+    link
+        The command link makes errors: there are columns for the age of what it delivered.
     """
 
     def __init__(
@@ -223,8 +228,10 @@ class TraceRecorder(Trace):
         hinges: int,
         joints: Sequence[str],
         task: Sequence[tuple[str, str]] = (),
+        *,
+        link: bool = False,
     ) -> None:
-        groups = trace_columns(sensing, hinges, joints, task)
+        groups = trace_columns(sensing, hinges, joints, task, link=link)
         self.columns = [column for group in groups.values() for column in group]
         self._sensing = sensing
         ends = np.cumsum([len(group) for group in groups.values()]).tolist()
@@ -276,8 +283,9 @@ class TraceRecorder(Trace):
         command: Command,
         ik: IKSolution,
         wall_s: float,
+        ages: Sequence[int] = (),
     ) -> None:
-        """Complete the row with what the controller made of it."""
+        """Complete the row with what the controller made of it, and what the link made of that."""
         row, at = self._table[self.rows - 1], self._slices
         for i in self._sensing:
             readings = row[at[f"reading{i}"]]
@@ -290,6 +298,7 @@ class TraceRecorder(Trace):
         row[at["ik"]] = ik.position_residual_m, ik.rotation_residual_rad, ik.iterations
         bounds_met = np.count_nonzero(observation.clipped) + np.count_nonzero(command.saturated)
         row[at["saturated"]] = bounds_met > 0
+        row[at["link"]] = ages
         row[at["wall"]] = wall_s
 
 

@@ -66,6 +66,7 @@ def columns_of(scenario: Scenario) -> dict[str, list[tuple[str, str]]]:
             for i in range(1, arm_model(scenario.robot.of(side)).count + 1)
         ],
         task_of(scenario).part("columns")(scenario),
+        link=scenario.imperfections.link.errs,
     )
 
 
