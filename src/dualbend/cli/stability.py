@@ -25,6 +25,7 @@ from dualbend.errors import InputError
 _FACTOR = Number(1e-9, 1e9)
 
 if TYPE_CHECKING:
+    from dualbend.imperfection.config import PresetName
     from collections.abc import Iterator, Sequence
 
     from dualbend.control.compliance.admittance import AxisConfig, ComplianceConfig
@@ -218,6 +219,11 @@ def _word(stable: bool) -> str:
 @click.option(
     "--seeds", type=click.IntRange(3, 20), default=5, help="Runs that compare the controllers."
 )
+@click.option(
+    "--robust",
+    type=click.Choice(["typical", "worst"]),
+    help="Keep margins and moment in the worst case over these imperfections.",
+)
 @SETTINGS
 def tune(
     scenario: str,
@@ -225,6 +231,7 @@ def tune(
     gain_margin: float,
     phase_margin: float,
     seeds: int,
+    robust: PresetName | None,
     settings: tuple[str, ...],
 ) -> None:
     """Search for the gains whose simulation has the smallest moment.
@@ -240,6 +247,9 @@ def tune(
         raise InputError("--out writes the differences from SCENARIO: put --set into a file")
     loaded = load(scenario, settings)
     required = Margin(gain_db=gain_margin, phase_deg=phase_margin)
+    if robust is not None:
+        _tune_robust(loaded, scenario, robust, required, seeds, out)
+        return
     with progress_bar(100, f"tune {loaded.name}") as bar:
         found = search(
             loaded,
@@ -253,6 +263,49 @@ def tune(
         click.echo(f"{out}: run it with dualbend run {out}")
     if not found.chosen.margin.fulfils(required):
         click.echo("dualbend: the margins of the result are below the required ones", err=True)
+        sys.exit(EXIT_FAILED_CHECK)
+
+
+def _tune_robust(
+    loaded: Scenario,
+    base: str,
+    preset: PresetName,
+    required: Margin,
+    seeds: int,
+    out: Path | None,
+) -> None:
+    """Tune over the imperfections of a preset, print every case, and what limits the gains."""
+    from dualbend.stability.limits import said
+    from dualbend.stability.robust import tune_robust
+    from dualbend.stability.tuning import write_compliance
+    from dualbend.table import Table, quantity
+
+    with progress_bar(100, f"tune {loaded.name}") as bar:
+        found = tune_robust(
+            loaded,
+            preset,
+            required=required,
+            seeds=seeds,
+            on_progress=lambda share: bar.update(round(100 * share) - bar.pos),
+        )
+    columns = ["rms with", *(quantity(name, "mN m") for name in ("none", "own", "robust"))]
+    rows = [
+        (case.name, 1e3 * case.none_nm, 1e3 * case.own_nm, 1e3 * case.found_nm, case.ratio)
+        for case in found.cases
+    ]
+    click.echo(Table([*columns, quantity("ratio", "", ".2f")], rows).text())
+    click.echo(
+        f"worst: {found.worst.name}, {found.worst.ratio:.2f} of the moment without compliance; "
+        f"margins in every loop at least {said(found.margin)}; {found.tried} gains tried, "
+        f"searched with {', '.join(found.searched)}"
+    )
+    for line in (*_gains(found.compliance), *found.limits):
+        click.echo(line)
+    if out is not None:
+        write_compliance(found.compliance, base, f"{loaded.name}-robust", out)
+        click.echo(f"{out}: run it with dualbend run {out}")
+    if not found.worst.ratio < 1.0:
+        click.echo("dualbend: in the worst case the moment is no less than without", err=True)
         sys.exit(EXIT_FAILED_CHECK)
 
 

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Literal
 
 import msgspec
 import numpy as np
 
 from dualbend.control.compliance.admittance import ComplianceConfig, NoComplianceConfig
 from dualbend.imperfection.config import PresetName
+from dualbend.imperfection.sheet import true_sheet
 from dualbend.scenario.scenario import Scenario, variants
-from dualbend.stability.gains import Gains, Knob, acting_axes, softened, turned
+from dualbend.stability.gains import Gains, Knob, acting_axes, turned
 from dualbend.stability.limits import MORE, said
 from dualbend.stability.search import (
     MOST_TRIES,
@@ -25,7 +28,7 @@ from dualbend.stability.search import (
     simulate,
     with_compliance,
 )
-from dualbend.stability.tuning import SEARCH_SEEDS, own_gains
+from dualbend.stability.tuning import SEARCH_SEEDS, start_of
 from dualbend.types import Vector
 
 _ROUNDS = 3
@@ -80,7 +83,7 @@ def tune_robust(
     complies along the path, or the loop cannot be predicted.
     """
     worlds = variants(scenario, preset)
-    start = own_gains(scenario)
+    start = start_of(scenario)
     looked = [scenario.seed + i for i in range(seeds)]
     nothing = NoComplianceConfig(sensing=start.sensing)
     without = {name: _moments(world, nothing, looked) for name, world in worlds.items()}
@@ -93,9 +96,9 @@ def tune_robust(
             required=required,
             seeds=SEARCH_SEEDS[:1],
             peak_nm=float(np.mean([without[name][:, 1].mean() for name in searched])),
-            on_try=lambda count, past=round_: on_progress((past + count / MOST_TRIES) / _ROUNDS),
+            on_try=partial(_told, on_progress, round_),
             worlds=[worlds[name] for name in searched],
-            loops=_loops(scenario, worlds),
+            loops=_loops(worlds, looked),
         )
         found = search.run(found)[0].compliance
         tried += search.tried
@@ -126,10 +129,27 @@ def tune_robust(
     )
 
 
-def _loops(scenario: Scenario, worlds: Mapping[str, Scenario]) -> list[Scenario]:
-    """Return the loops beside the believed one: those of the true sheets."""
-    del scenario
-    return list({world.true_loop() for world in worlds.values()})
+def _told(on_progress: Callable[[float], None], round_: int, tried: int) -> None:
+    """Tell the share that is done."""
+    on_progress((round_ + tried / MOST_TRIES) / _ROUNDS)
+
+
+def _loops(worlds: Mapping[str, Scenario], seeds: Sequence[int]) -> list[Scenario]:
+    """Return the loops beside the believed one: with the sheets as drawn, and a cycle late."""
+    every, loops = worlds["all"], dict[Scenario, None]()
+    believed = every.sheet.sheet()
+    for seed in seeds:
+        true = true_sheet(believed, every.imperfections.sheet, seed)
+        sheet = msgspec.structs.replace(
+            every.sheet, thickness_m=true.thickness_m, young_pa=true.young_pa
+        )
+        loops[msgspec.structs.replace(worlds["none"], sheet=sheet)] = None
+    if every.imperfections.link.errs:
+        robot = every.robot
+        late = msgspec.structs.replace(robot.alter, delay_cycles=robot.alter.delay_cycles + 1)
+        later = msgspec.structs.replace(robot, alter=late)
+        loops.update({msgspec.structs.replace(loop, robot=later): None for loop in list(loops)})
+    return list(loops)
 
 
 def _moments(scenario: Scenario, compliance: ComplianceConfig, seeds: Sequence[int]) -> Vector:
@@ -147,7 +167,7 @@ def _limit(
     search: Search,
     worlds: Mapping[str, Scenario],
     found: Gains,
-    axis: str,
+    axis: Literal["x", "rotation"],
     moments: Mapping[str, Vector],
     seeds: Sequence[int],
 ) -> str:

@@ -198,12 +198,7 @@ def tune(
     Raises InputError where nothing complies along the path, or the loop cannot be predicted.
     """
     given, scenario = scenario, _with_strips(scenario)
-    own = _own(scenario)
-    start = own or msgspec.structs.replace(
-        BEYOND_THE_PAPER,
-        sensing=scenario.compliance.sensing,
-        complying=scenario.compliance.complying,
-    )
+    own, start = _own(scenario), start_of(scenario)
     outcomes = [_outcome("none", scenario, NoComplianceConfig(sensing=start.sensing), seeds)]
     if own:
         outcomes.append(_outcome("own", scenario, own, seeds))
@@ -278,6 +273,14 @@ def _own(scenario: Scenario) -> Gains | None:
     return config
 
 
+def start_of(scenario: Scenario) -> Gains:
+    """Return the gains that a search starts from: the scenario's own, else `BEYOND_THE_PAPER`."""
+    given = scenario.compliance
+    return _own(scenario) or msgspec.structs.replace(
+        BEYOND_THE_PAPER, sensing=given.sensing, complying=given.complying
+    )
+
+
 def _outcome(name: Name, scenario: Scenario, compliance: ComplianceConfig, seeds: int) -> Outcome:
     """Simulate a controller with every seed of the comparison, and predict its margins."""
     with_it = with_compliance(scenario, compliance)
@@ -346,12 +349,20 @@ def _halved(scenario: Scenario, found: Outcome, seeds: int) -> Outcome:
 
 def write_scenario(tuning: Tuning, base: str, path: Path) -> None:
     """Write the tuned scenario as a file that extends ``base``, a shipped name or a file."""
+    said = f"{base} as dualbend tune leaves it: {SAID[tuning.chosen.name]}"
+    write_compliance(tuning.chosen.compliance, base, tuning.scenario.name, path, said)
+
+
+def write_compliance(
+    compliance: ComplianceConfig, base: str, name: str, path: Path, description: str = ""
+) -> None:
+    """Write a scenario that extends ``base`` by a compliance."""
     extends = os.path.relpath(base, path.parent) if base.endswith(".toml") else base
     table: dict[str, Any] = {
         "extends": extends,
-        "name": tuning.scenario.name,
-        "description": f"{base} as dualbend tune leaves it: {SAID[tuning.chosen.name]}",
-        "compliance": without_none(msgspec.to_builtins(tuning.chosen.compliance)),
+        "name": name,
+        "description": description or f"{base} with gains that dualbend tune found",
+        "compliance": without_none(msgspec.to_builtins(compliance)),
     }
     with writing(path, "--out"):
         write_whole(path, tomli_w.dumps(table))
