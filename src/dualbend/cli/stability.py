@@ -25,10 +25,10 @@ from dualbend.errors import InputError
 _FACTOR = Number(1e-9, 1e9)
 
 if TYPE_CHECKING:
-    from dualbend.imperfection.config import PresetName
     from collections.abc import Iterator, Sequence
 
     from dualbend.control.compliance.admittance import AxisConfig, ComplianceConfig
+    from dualbend.imperfection.config import PresetName
     from dualbend.scenario.scenario import Scenario
     from dualbend.stability.prediction import Prediction, Row
     from dualbend.stability.tuning import Tuning
