@@ -6,6 +6,8 @@ import zlib
 
 import numpy as np
 
+from dualbend.types import Vector
+
 
 def stream(seed: int, *names: str | int) -> np.random.Generator:
     """Return the generator of a scenario's seed that belongs to these names.
@@ -14,3 +16,8 @@ def stream(seed: int, *names: str | int) -> np.random.Generator:
     """
     words = [zlib.crc32(str(name).encode()) for name in names]
     return np.random.default_rng([seed, *words])
+
+
+def cut_normal(generator: np.random.Generator, spread: float, shape: tuple[int, ...]) -> Vector:
+    """Return normal draws of mean 0 and standard deviation ``spread``, cut at 3 σ."""
+    return spread * np.clip(generator.standard_normal(shape), -3.0, 3.0)
