@@ -30,7 +30,7 @@ class Observation:
 
     Attributes
     ----------
-    q, speed, torque : (n,) joint angles [rad], speeds [rad/s], servo torques [N m]
+    q, speed, torque : (n,) measured joint angles [rad], speeds [rad/s], servo torques [N m]
     grip, edge : (2, 4) x, y, z [m] and end slope α [rad] of the gripper and of the sheet's edge,
         each in its arm's bending frame, whose origin is on the floor in the mid-plane
     wrench : (2, 6) force [N] and moment [N m] of the sheet on the arm, about the gripper centre,
