@@ -211,23 +211,38 @@ def test_without_looks_the_cell_moves_alike() -> None:
 # --- grips that lie off, and the simulation's view ----------------------------------------------
 
 
-def test_a_displaced_grasp_is_a_yaw_after_a_roll_and_is_seen_so() -> None:
+def test_a_displaced_grasp_is_a_yaw_after_a_pitch_and_a_roll_and_is_seen_so() -> None:
     cell = make_run(load_scenario("fig8", ["sheet.model.hinges=4"])).cell
     simulation: Simulation = cell.simulation
     model, data = simulation.model, simulation.data
-    errors = np.array([[0.002, 0.3, -0.2], [-0.001, -0.1, 0.25]])
+    errors = np.array([[3e-4, 2e-3, 1e-4, 0.3, 0.4, -0.2], [2e-4, -1e-3, -3e-4, -0.1, 0.15, 0.25]])
     simulation.displace_grasps(errors)
     mujoco.mj_forward(model, data)
-    for side, (lateral, roll, yaw) in zip(SIDES, errors, strict=True):
+    for side, (x, y, z, roll, pitch, yaw) in zip(SIDES, errors, strict=True):
         pad = model.site(f"{side}_{PAD_SITE}").id
-        # Analytic: R_GE = R_z(yaw) R_x(roll), at (0, y, 0).
-        expected = Rotation.from_euler("ZX", [yaw, roll]).as_matrix()
+        # Analytic: R_GE = R_z(yaw) R_y(pitch) R_x(roll), at (x, y, z).
+        expected = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
         found = np.empty(9)
         mujoco.mju_quat2Mat(found, model.site_quat[pad])
         np.testing.assert_allclose(found.reshape(3, 3), expected, atol=1e-12)
-        np.testing.assert_array_equal(model.site_pos[pad], [0.0, lateral, 0.0])
+        np.testing.assert_array_equal(model.site_pos[pad], [x, y, z])
         body = data.xmat[model.site_bodyid[pad]].reshape(3, 3)
         np.testing.assert_allclose(data.site_xmat[pad].reshape(3, 3), body @ expected, atol=1e-12)
+
+
+def test_how_an_edge_lies_to_its_grip_is_told_as_it_was_displaced() -> None:
+    simulation: Simulation = make_run(
+        load_scenario("fig8", ["sheet.model.hinges=4"])
+    ).cell.simulation
+    data = simulation.data
+    errors = np.array([[3e-4, 2e-3, 1e-4, 0.3, 0.4, -0.2], [2e-4, -1e-3, -3e-4, -0.1, 0.15, 0.25]])
+    for i, (grip, edge) in enumerate(simulation._ends.T):
+        axes = Rotation.from_rotvec([0.2, 0.3 + i, -0.4])
+        data.site_xmat[grip] = axes.as_matrix().ravel()
+        data.site_xpos[edge] = data.site_xpos[grip] + axes.apply(errors[i, :3])
+        turned = axes * Rotation.from_euler("ZYX", errors[i, :2:-1])
+        data.site_xmat[edge] = turned.as_matrix().ravel()
+    np.testing.assert_allclose(simulation.grasps(), errors, atol=1e-12)  # analytic
 
 
 def test_the_planar_pose_of_a_grip_leaves_y_out() -> None:

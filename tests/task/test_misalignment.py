@@ -6,7 +6,12 @@ import pytest
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.motion import nominal_motion
-from dualbend.task.bending.config import GripError, MisalignmentConfig, errors_over_time
+from dualbend.task.bending.config import (
+    GripError,
+    MisalignmentConfig,
+    errors_over_time,
+    imposed_errors,
+)
 from dualbend.task.bending.run import SPACE_COLUMNS, BendingRun
 
 SHORT = ("path.end_rad=0.2", "motion.hold_s=0.1")
@@ -16,19 +21,44 @@ ERROR = MisalignmentConfig(right=GripError(lateral_m=1e-3, roll_rad=0.02, yaw_ra
 def test_errors_rise_from_nothing_while_the_arms_settle_and_then_stay() -> None:
     scenario = load_scenario("fig6", SHORT)
     motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
-    errors = errors_over_time(ERROR, motion)
-    assert errors is not None
+    errors = errors_over_time(np.zeros((2, 6)), ERROR.errors(), motion)
     # Analytic.
     assert not errors[0].any()
     assert (errors[motion.phase > 0] == ERROR.errors()).all()
     assert (np.diff(np.abs(errors), axis=0) >= 0).all()
 
 
-def test_no_error_is_no_misalignment() -> None:
+def test_of_what_the_jaws_took_only_their_plane_stays() -> None:
     scenario = load_scenario("fig6", SHORT)
     motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
-    assert errors_over_time(None, motion) is None
-    assert errors_over_time(MisalignmentConfig(), motion) is None
+    taken = np.array([[1e-3, 2e-3, 3e-3, 0.01, 0.02, 0.03]] * 2)
+    errors = errors_over_time(taken, ERROR.errors(), motion)
+    # Analytic.
+    np.testing.assert_array_equal(errors[0], taken)
+    stays = taken * [1, 1, 0, 0, 0, 1]
+    np.testing.assert_allclose(errors[-1], stays + ERROR.errors(), atol=1e-15)
+
+
+def test_no_error_is_no_misalignment() -> None:
+    assert imposed_errors(load_scenario("fig6", SHORT)) is None
+    assert (
+        imposed_errors(load_scenario("fig6", [*SHORT, "task.misalignment.left.yaw_rad=0"])) is None
+    )
+
+
+def test_a_sheet_gripped_too_high_and_pitched_is_bent_by_its_grip() -> None:
+    settings = ("height_m=2e-4", "pitch_rad=0.01", "along_m=1e-4")
+    scenario = load_scenario("fig6", [*SHORT, *(f"task.misalignment.right.{s}" for s in settings)])
+    run = BendingRun(scenario)
+    run.begin()
+    for _ in range(int(np.count_nonzero(run.motion.phase == 0))):
+        run.step()
+    run.cell.simulation.observe()
+    x, _, z, _, pitch, _ = run.cell.simulation.grasps()[1]
+    # The pads give: some N over 0.96e6 N/m, some mN m over 267 N m/rad.
+    assert z == pytest.approx(2e-4, rel=0.02)
+    assert pitch == pytest.approx(0.01, rel=0.01)
+    assert 0.0 < x < 1e-4
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

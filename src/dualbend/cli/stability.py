@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from dualbend.imperfection.config import PresetName
     from dualbend.scenario.scenario import Scenario
     from dualbend.stability.prediction import Prediction, Row
+    from dualbend.stability.search import Margin
     from dualbend.stability.tuning import Tuning
 
 

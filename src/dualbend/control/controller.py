@@ -36,8 +36,8 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
     joints_rad
         Measured joint angles (..., n) of both arms.
     measured, nominal
-        Poses (..., 2, 3) of the grips, each in its arm's bending frame: as they are, and as the
-        path has them.
+        Poses (..., 2, 3) of the grips, each in its arm's bending frame: as the joints' encoders
+        tell them, and as the path has them.
     """
 
     time_s: float

@@ -11,13 +11,15 @@ from dualbend.beam import elastica
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.response import CommandResponse
 from dualbend.control.servo import IntegralAction, JointServo
+from dualbend.imperfection.robot import RobotErrors, Stribeck, TrueArms
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.scenario.scenario import Scenario
+from dualbend.scene.believed import BelievedArms
 from dualbend.scene.cell import compose_cell, robots_only, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.sheet.model import ShellModel
 from dualbend.scene.sheet.strips import StripConfig
-from dualbend.scene.simulation import SensorSample, Simulation
+from dualbend.scene.simulation import Observation, SensorSample, Simulation
 from dualbend.types import Vector
 
 
@@ -49,6 +51,15 @@ class RobotCell:
             else ShellModel(model, self.sheet, config.model),
             latency_steps=scenario.sensor.latency_steps(step_s),
         )
+        errors, simulation = scenario.imperfections.robot, self.simulation
+        believed = BelievedArms(robots)
+        self._believed = believed if errors.displaces else None
+        if errors.weighs_wrong:
+            simulation.fed_forward = believed.coriolis
+        self._friction: Stribeck | None = None
+        if errors.stiction_excess:
+            self._friction = Stribeck(errors, model, simulation.data, simulation.dofs)
+            simulation.on_step.append(self._friction.on_step)
         self.integral = IntegralAction(
             scenario.robot.servo.integral,
             stiffness=self.servo.stiffness,
@@ -64,7 +75,7 @@ class RobotCell:
 
     def _compose(self, *, looks: bool) -> mujoco.MjSpec:
         scenario = self.scenario
-        return compose_cell(
+        spec = compose_cell(
             scenario.cell,
             self.arms,
             scenario.grasp,
@@ -76,6 +87,10 @@ class RobotCell:
             scenario.task.laid_sheets,
             looks=looks,
         )
+        errors = scenario.imperfections.robot
+        if errors != RobotErrors():
+            TrueArms(errors, self.arms, scenario.seed).write(spec)
+        return spec
 
     @cached_property
     def spec(self) -> mujoco.MjSpec:
@@ -107,6 +122,25 @@ class RobotCell:
         """Let response and servos be at rest in the start."""
         self.response.reset(self.home)
         self.integral.reset()
+        if self._friction is not None:
+            self._friction.rest()
+
+    def measured(self, seen: Observation) -> Vector:
+        """Return x, y, z [m] and α [rad] of both grips (2, 4) as the joints' encoders tell them.
+
+        The encoders' zeros and the bases' places are those that the controller believes in.
+        """
+        return seen.grip if self._believed is None else self._believed.grips(seen.q)
+
+    def believed_axes(self, rotation: Vector, seen: Observation) -> Vector:
+        """Return true axes (2, 3, 3) of the wrist sensors, a sample's, as the encoders tell them.
+
+        What the controller errs by now is what it erred by when the sample was taken.
+        """
+        if self._believed is None:
+            return rotation
+        error = self.simulation.sensor_axes.mT @ self._believed.sensor_axes(seen.q)
+        return np.asarray(rotation @ error)
 
     def send(self, q: Vector) -> SensorSample:
         """Run one command cycle towards the joint set-points (n,) [rad]."""

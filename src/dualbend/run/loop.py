@@ -180,6 +180,11 @@ class Run:
         self._guard.check(seen.q, seen.speed, seen.torque, self.cell.response.position)
         return seen
 
+    def read(self, seen: Observation) -> WrenchReading:
+        """Return what the wrist sensors tell, the tools' weight taken off by measured angles."""
+        axes = self.cell.believed_axes(self.sample.rotation, seen)
+        return self.sensors.read(self.sample.wrench, axes)
+
     def control(
         self, seen: Observation, phase: str, nominal: PlanarPose, reading: WrenchReading
     ) -> tuple[Observed, Command]:
@@ -195,7 +200,7 @@ class Run:
             time_s=(self.trace.rows - 1) * COMMAND_PERIOD_S,
             phase=phase,
             joints_rad=seen.q,
-            measured=PlanarPose(seen.grip.take(PLANAR, axis=1)),
+            measured=PlanarPose(self.cell.measured(seen).take(PLANAR, axis=1)),
             nominal=nominal,
         )
         try:

@@ -83,7 +83,7 @@ class PlanarRun(Run):
         seen = self.observe(int(self.motion.phase[n]), np.array([alpha, -x, z]))
         refuse_snapped(seen.sag, alpha)
         self.on_observed(n, seen)
-        reading = self.sensors.read(self.sample.wrench, self.sample.rotation)
+        reading = self.read(seen)
         nominal = PlanarPose(np.array([[x, z, alpha]] * len(SIDES)))
         observed, command = self.control(seen, self.phases[self.motion.phase[n]], nominal, reading)
         self.send(grip_targets(command.pose.coordinates), observed, command)

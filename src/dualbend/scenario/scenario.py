@@ -65,7 +65,7 @@ class Scenario(Config):
 
     def __post_init__(self) -> None:
         """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""
-        check_joint_counts(self.robot, self.cell)
+        check_joint_counts(self.robot, self.cell, self.imperfections.robot)
         self.task.check(self.sheet, self.motion)
         self.path.make(self.sheet.length_m)  # refuses a table that does not suit the sheet
         self._resolve_curvature()

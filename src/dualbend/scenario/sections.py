@@ -13,6 +13,7 @@ from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.response import CommandResponseConfig
 from dualbend.control.servo import JointServoConfig, StiffnessConfig
 from dualbend.errors import InputError
+from dualbend.imperfection.robot import RobotErrors
 from dualbend.scene.cell import CellConfig, PlacementConfig
 from dualbend.types import SIDES, Config, Side, said
 
@@ -51,7 +52,7 @@ class RobotConfig(Config):
         return self.own(side).servo.stiffness_n_m_per_rad or self.servo.stiffness_n_m_per_rad
 
 
-def check_joint_counts(robot: RobotConfig, cell: CellConfig) -> None:
+def check_joint_counts(robot: RobotConfig, cell: CellConfig, errors: RobotErrors) -> None:
     """Raise InputError where a list has not one value per joint of the arm that it is of."""
     for side in SIDES:
         name, own = robot.of(side), robot.own(side).servo
@@ -61,6 +62,7 @@ def check_joint_counts(robot: RobotConfig, cell: CellConfig) -> None:
             ("robot.servo.stiffness_n_m_per_rad", robot.stiffness_n_m_per_rad(side)),
             ("cell.home_rad", cell.home_rad),
             (f"cell.{side}.home_rad", stand.home_rad),
+            ("imperfections.robot.zero_rad", errors.zero_rad),
         ):
             if values is not None and len(values) != JOINT_COUNT[name]:
                 raise InputError(

@@ -15,7 +15,7 @@ from dualbend.control.delay import TransportDelay
 from dualbend.scene.cell import PAD_SITE, GraspConfig, harden_holds
 from dualbend.scene.sheet.model import SheetModel, StripModel
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Vector, matvec
 
 # A turn by π about z takes the left arm's bending frame to the right arm's: x and y change sign.
 BENDING_TO_WORLD = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])
@@ -30,7 +30,7 @@ class Observation:
 
     Attributes
     ----------
-    q, speed, torque : (n,) joint angles [rad], speeds [rad/s], servo torques [N m]
+    q, speed, torque : (n,) measured joint angles [rad], speeds [rad/s], servo torques [N m]
     grip, edge : (2, 4) x, y, z [m] and end slope α [rad] of the gripper and of the sheet's edge,
         each in its arm's bending frame, whose origin is on the floor in the mid-plane
     wrench : (2, 6) force [N] and moment [N m] of the sheet on the arm, about the gripper centre,
@@ -86,7 +86,7 @@ class Simulation:
         """Names of the arms' joints, in the order of every vector over them."""
         joints = [model.joint(name) for name in self.joints]
         self._q = np.array([joint.qposadr[0] for joint in joints])
-        self._dof = np.array([joint.dofadr[0] for joint in joints])
+        self.dofs = np.array([joint.dofadr[0] for joint in joints])
         self.joint_range = np.array([joint.range for joint in joints])
         self.torque_limit = model.jnt_actfrcrange[[joint.id for joint in joints], 1].copy()
         self._stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
@@ -94,8 +94,11 @@ class Simulation:
         self.bend_stiffness = self.sheet.bend_stiffness
         """Moment over bending angle [N m/rad]."""
         self._hold_ids(grasp)
-        self.on_step: Callable[[], None] | None = None
+        self.on_step: list[Callable[[], None]] = []
         """Called after every physics step, where once per cycle would miss a peak."""
+        self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
+        """Torques (n,) [N m] that the drives add, of joint angles and speeds (n,); None: the
+        Coriolis torques of these arms, and any weight that they do not compensate by themselves."""
         whole, within = divmod(max(latency_steps, 1) - 1, self.steps)
         self._sample_step = self.steps - 1 - within
         self._line = TransportDelay(whole, 2 * (6 + 9))
@@ -177,8 +180,8 @@ class Simulation:
         grip, edge = self._planar()
         return Observation(
             q=data.qpos[self._q],
-            speed=data.qvel[self._dof],
-            torque=data.qfrc_actuator[self._dof],
+            speed=data.qvel[self.dofs],
+            torque=data.qfrc_actuator[self.dofs],
             grip=grip,
             edge=edge,
             wrench=wrench.reshape(2, 6),
@@ -187,11 +190,12 @@ class Simulation:
 
     def _planar(self) -> Vector:
         """Return (2, 2, 4): gripper and edge, left and right, x, y, z and end slope."""
-        pose = np.empty((2, 2, 4))
-        pose[..., :3] = self.data.site_xpos[self._ends] * BENDING_TO_WORLD
-        axes = self.data.site_xmat[self._ends]
-        pose[..., 3] = np.arctan2(-axes[..., 6], axes[..., 0] * BENDING_TO_WORLD[:, 0])
-        return pose
+        return grip_poses(self.data.site_xpos[self._ends], self.data.site_xmat[self._ends])
+
+    @property
+    def sensor_axes(self) -> Vector:
+        """Axes of both wrist sensors in the world (2, 3, 3)."""
+        return np.asarray(self.data.site_xmat[self._ft_sites].reshape(2, 3, 3))
 
     def roll_and_yaw(self) -> Vector:
         """Return (2, 2, 2): gripper and edge, left and right, roll and yaw [rad].
@@ -207,28 +211,47 @@ class Simulation:
         )
         return turns
 
-    def displace_grasps(self, errors: Vector) -> None:
-        """Let each sheet edge lie off its gripper's frame G by y [m], roll and yaw [rad], (2, 3).
+    def grasps(self) -> Vector:
+        """Return how each sheet edge lies to its gripper's frame G, (2, 6).
 
-        ``R_GE = R_z(yaw) R_x(roll)``; the sheet follows within a step, so change it little by
-        little.
+        x, y, z [m], roll, pitch, yaw [rad]: R_GE = R_z(yaw) R_y(pitch) R_x(roll).
+        """
+        axes = self.data.site_xmat[self._ends].reshape(2, 2, 3, 3)
+        grip, edge = self.data.site_xpos[self._ends]
+        place = matvec(axes[0].mT, edge - grip)
+        turn = axes[0].mT @ axes[1]
+        roll = np.arctan2(turn[:, 2, 1], turn[:, 2, 2])
+        pitch = -np.arcsin(turn[:, 2, 0])
+        yaw = np.arctan2(turn[:, 1, 0], turn[:, 0, 0])
+        return np.column_stack((place, roll, pitch, yaw))
+
+    def displace_grasps(self, errors: Vector) -> None:
+        """Let each sheet edge lie off its gripper's frame, (2, 6) as :meth:`grasps` has it.
+
+        The sheet follows within a step, so change it little by little.
         """
         # A site that was compiled onto its body's frame would stay there whatever its place says.
         self.model.site_sameframe[self._pads] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
-        for pad, (lateral, roll, yaw) in zip(self._pads, errors.tolist(), strict=True):
-            cr, sr = np.cos(roll / 2), np.sin(roll / 2)
-            cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
-            self.model.site_pos[pad] = 0.0, lateral, 0.0
-            self.model.site_quat[pad] = cy * cr, cy * sr, sy * sr, sy * cr
+        cosines, sines = np.cos(errors[:, 3:] / 2), np.sin(errors[:, 3:] / 2)
+        self.model.site_pos[self._pads] = errors[:, :3]
+        for pad, (cr, cp, cy), (sr, sp, sy) in zip(self._pads, cosines, sines, strict=True):
+            self.model.site_quat[pad] = (
+                cr * cp * cy + sr * sp * sy,
+                sr * cp * cy - cr * sp * sy,
+                cr * sp * cy + sr * cp * sy,
+                cr * cp * sy - sr * sp * cy,
+            )
 
     def advance(self, setpoints: Vector) -> SensorSample:
         """Run one command cycle on ``setpoints`` (steps, n) [rad], one row a physics step.
 
-        The Coriolis torques, and any weight that the arms do not compensate by themselves, are fed
-        forward as of the cycle's start.
+        What is fed forward is of the cycle's start.
         """
         model, data = self.model, self.data
-        feed_forward = data.qfrc_bias[self._dof] - data.qfrc_gravcomp[self._dof]
+        if self.fed_forward is None:
+            feed_forward = data.qfrc_bias[self.dofs] - data.qfrc_gravcomp[self.dofs]
+        else:
+            feed_forward = self.fed_forward(data.qpos[self._q], data.qvel[self.dofs])
         rows = setpoints + feed_forward / self._stiffness
         sample = np.empty(0)
         for step in range(self.steps):
@@ -239,8 +262,8 @@ class Simulation:
                 mujoco.mj_step2(model, data)
             if step == self._sample_step:
                 sample = self._sense()
-            if self.on_step is not None:
-                self.on_step()
+            for act in self.on_step:
+                act()
         return _unpack(self._line.update(sample))
 
     def _sense(self) -> Vector:
@@ -249,6 +272,18 @@ class Simulation:
         return np.concatenate(
             (-data.sensordata[self._ft].ravel(), data.site_xmat[self._ft_sites].ravel())
         )
+
+
+def grip_poses(places: Vector, axes: Vector) -> Vector:
+    """Return x, y, z [m] and end slope α [rad] (..., 2, 4) of frames in the world.
+
+    Origins (..., 2, 3) and axes (..., 2, 9) of the left and the right arm, each in its arm's
+    bending frame.
+    """
+    pose = np.empty((*places.shape[:-1], 4))
+    pose[..., :3] = places * BENDING_TO_WORLD
+    pose[..., 3] = np.arctan2(-axes[..., 6], axes[..., 0] * BENDING_TO_WORLD[:, 0])
+    return pose
 
 
 def _unpack(sample: Vector) -> SensorSample:

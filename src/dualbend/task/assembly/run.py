@@ -19,6 +19,7 @@ from dualbend.control.compliance.object import (
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
 from dualbend.errors import InputError
+from dualbend.imperfection.config import ImperfectionsConfig
 from dualbend.planning.plan import AssemblyPlan, plan_assembly
 from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
@@ -142,7 +143,7 @@ class AssemblyRun(Run):
         self.pins = PinContacts(
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
-        simulation.on_step = self.on_step
+        simulation.on_step.append(self.on_step)
         if self.config.compliance is not None:
             self.stiffness = self._stiffness(cell)
             self._mobility = self._rate(self.config.compliance) / self.stiffness
@@ -240,10 +241,12 @@ class AssemblyRun(Run):
 
         Of the sheet that the robots believe in: they know of no errors.
         """
-        if self.config.errors != ErrorsConfig():
-            task = msgspec.structs.replace(self.config, errors=ErrorsConfig())
-            scenario = msgspec.structs.replace(self.scenario, task=task)
-            cell = RobotCell(scenario, cell.start, cell.place)
+        task = msgspec.structs.replace(self.config, errors=ErrorsConfig())
+        believed = msgspec.structs.replace(
+            self.scenario, task=task, imperfections=ImperfectionsConfig()
+        )
+        if believed != self.scenario:
+            cell = RobotCell(believed, cell.start, cell.place)
         pinned = self.config.layout.holes.middle.along_m
         found = []
         for bend in BENDS:
@@ -279,7 +282,7 @@ class AssemblyRun(Run):
         x, rise, alpha = self._pose(goal.posture).tolist()
         place = _place(goal.posture)
         seen = self.observe(goal.phase, np.array([alpha, -x, place[2] + rise]))
-        reading = self.sensors.read(self.sample.wrench, self.sample.rotation)
+        reading = self.read(seen)
         bending = reading.filtered.in_bending_frame(np.array([alpha]))
         net = net_wrench(bending, -x, float(place[3]))
         deviation = self._comply(goal, net)
@@ -289,7 +292,7 @@ class AssemblyRun(Run):
         observed, command = self.control(seen, PHASES[goal.phase], nominal, reading)
         self.grippers.drive(goal.posture.opening)
         targets = carried_targets(command.pose.coordinates, moved)
-        error = _error(targets, seen.grip[:, :3])
+        error = _error(targets, self.cell.measured(seen)[:, :3])
         self.send(targets, observed, command)
         self.grippers.update()
         sensed = Sensed(

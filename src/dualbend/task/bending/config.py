@@ -1,8 +1,12 @@
 """The section of the task ``bending``: grips may hold the sheet wrong in space.
 
-Each arm is where it should be; what is wrong is how the sheet's edge stands to the gripper: off
-across, rolled or yawed, because the sheet was taken so or the tool stands so on its flange. Path,
-controller and sensor know nothing of it: the sheet is twisted and pushed across all the same.
+How the sheet's edge stands to the gripper is wrong because the sheet was taken so or the tool
+stands so on its flange. Path, controller and sensor know nothing of it: the sheet is pushed,
+twisted and bent all the same.
+
+Arms that stand wrong themselves close their jaws on a sheet that lies where it should. Where its
+edge then is in the jaws' plane, and how it is turned in it, stays; the jaws' normal is forced on
+it.
 """
 
 from __future__ import annotations
@@ -22,14 +26,20 @@ from dualbend.types import Config, Vector, said
 SHORTEST_SETTLE_S = 0.25
 """The errors come in while the arms settle: faster, the sheet would be struck."""
 
+_FORCED = np.array([0.0, 0.0, 1.0, 1.0, 1.0, 0.0])
+"""Which of x, y, z, roll, pitch and yaw the jaws force on an edge on which they close."""
+
 
 class GripError(Config):
-    """How the sheet's edge stands off the gripper's frame G: R_GE = R_z(yaw) R_x(roll)."""
+    """How the edge stands off the gripper's frame G: R_GE = R_z(yaw) R_y(pitch) R_x(roll)."""
 
+    along_m: Annotated[float, said("into the sheet, along x_G", ge=-0.05, le=0.05)] = 0.0
     lateral_m: Annotated[float, said("across the sheet, along y_G", ge=-0.05, le=0.05)] = 0.0
+    height_m: Annotated[float, said("along z_G, the jaws' normal", ge=-0.05, le=0.05)] = 0.0
     roll_rad: Annotated[float, said("about x_G, which points into the sheet", ge=-0.5, le=0.5)] = (
         0.0
     )
+    pitch_rad: Annotated[float, said("about y_G, the bending axis", ge=-0.5, le=0.5)] = 0.0
     yaw_rad: Annotated[float, said("about z_G, the jaws' normal", ge=-0.5, le=0.5)] = 0.0
 
 
@@ -40,7 +50,7 @@ class MisalignmentConfig(Config):
     right: GripError = GripError()
 
     def errors(self) -> Vector:
-        """Return (2, 3): lateral [m], roll and yaw [rad] of the left and the right grip."""
+        """Return (2, 6): x, y, z [m], roll, pitch, yaw [rad] of the left and the right grip."""
         return np.array([msgspec.structs.astuple(side) for side in (self.left, self.right)])
 
 
@@ -65,15 +75,40 @@ def misalignment_of(scenario: Scenario) -> MisalignmentConfig | None:
     return task.misalignment if isinstance(task, BendingConfig) else None
 
 
-def errors_over_time(config: MisalignmentConfig | None, motion: NominalMotion) -> Vector | None:
-    """Return the errors (cycles, 2, 3) at every cycle, None where there are none.
+def is_in_space(scenario: Scenario) -> bool:
+    """Tell whether what the grips do to the sheet leaves the bending plane."""
+    return misalignment_of(scenario) is not None or scenario.imperfections.robot.displaces
 
-    They rise smoothly, by (1 − cos πτ)/2, over the first three quarters of the settling phase: the
-    sheet starts in its plane, and at the end of the phase it is at rest.
+
+def imposed_errors(scenario: Scenario) -> Vector | None:
+    """Return what is imposed on both grips (2, 6); None where every grip lies as it should.
+
+    Raises
+    ------
+    InputError
+        The arms settle faster than their wrong places may come in.
     """
-    if config is None or not config.errors().any():
+    config, displaced = misalignment_of(scenario), scenario.imperfections.robot.displaces
+    imposed = (config or MisalignmentConfig()).errors()
+    if not displaced and not imposed.any():
         return None
+    if scenario.motion.settle_s < SHORTEST_SETTLE_S:
+        raise InputError(
+            f"motion.settle_s = {scenario.motion.settle_s}: errors of imperfections.robot come in "
+            f"while the arms settle and need at least {SHORTEST_SETTLE_S} s"
+        )
+    return imposed
+
+
+def errors_over_time(taken: Vector, imposed: Vector, motion: NominalMotion) -> Vector:
+    """Return how the edges lie to their grippers (cycles, 2, 6) at every cycle.
+
+    They begin as ``taken`` (2, 6) where the jaws close and go to what is imposed (2, 6) smoothly,
+    by (1 − cos πτ)/2, over the first three quarters of the settling phase: the sheet is at rest in
+    its plane before and at the end of it. Of what was taken x, y and yaw stay, beside what is
+    imposed: jaws do not force them.
+    """
     settle = max(int(np.count_nonzero(motion.phase == 0)), 1)
     tau = np.minimum(np.arange(motion.cycles) / (0.75 * settle), 1.0)
-    share = 0.5 * (1.0 - np.cos(np.pi * tau))
-    return np.asarray(share[:, np.newaxis, np.newaxis] * config.errors())
+    share = 0.5 * (1.0 - np.cos(np.pi * tau))[:, np.newaxis, np.newaxis]
+    return np.asarray(taken + share * (imposed - taken * _FORCED))

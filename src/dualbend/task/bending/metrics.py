@@ -19,7 +19,7 @@ from dualbend.evaluation.peaks import common_peaks
 from dualbend.run.permanent_set import permanent_curvature
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.scenario import Scenario
-from dualbend.task.bending.config import misalignment_of
+from dualbend.task.bending.config import is_in_space
 from dualbend.types import Vector
 
 _SET_UNITS = {
@@ -75,12 +75,12 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
 
 
 def out_of_plane_columns(scenario: Scenario) -> dict[str, str]:
-    """Return the columns of the peaks that only misaligned grips have, by metric.
+    """Return the columns of the peaks that only grips out of the plane have, by metric.
 
     Components in the sensing arm's bending frame: across the sheet, and about x (inward, twist) and
-    z (up). Without misalignment they are rounding alone, and there are none.
+    z (up). In the plane they are rounding alone, and there are none.
     """
-    return {} if misalignment_of(scenario) is None else _OUT_OF_PLANE
+    return _OUT_OF_PLANE if is_in_space(scenario) else {}
 
 
 def permanent_set(result: RunRecord) -> dict[str, Metric]:

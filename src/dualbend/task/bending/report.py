@@ -15,7 +15,7 @@ from dualbend.report.sections.time import (
     wrench_section,
 )
 from dualbend.run.record import RunRecord
-from dualbend.task.bending.config import misalignment_of
+from dualbend.task.bending.config import is_in_space
 
 _OUT_OF_PLANE = (
     (
@@ -52,7 +52,7 @@ def sections_of(run: RunRecord) -> list[Section | None]:
 
 
 def misalignment_section(over_time: OverTime) -> Section | None:
-    """Return the wrench out of the bending plane; None where no grip is misaligned."""
-    if misalignment_of(over_time.run.scenario) is None:
+    """Return the wrench out of the bending plane; None where grips and arms are right."""
+    if not is_in_space(over_time.run.scenario):
         return None
     return Section("Misaligned grips", [panels_by_side(over_time, _OUT_OF_PLANE)])

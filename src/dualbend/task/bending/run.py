@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from dualbend.control.controller import Controller
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.planar import PlanarRun
 from dualbend.scenario.motion import NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.simulation import Observation
-from dualbend.task.bending.config import errors_over_time, misalignment_of
-from dualbend.types import SIDES, Vector
+from dualbend.scene.simulation import Observation, SensorSample
+from dualbend.task.bending.config import errors_over_time, imposed_errors
+from dualbend.types import SIDES
 
 SPACE_COLUMNS = tuple(
     (f"{side}_{place}_{turn}", "rad")
@@ -24,7 +26,7 @@ SPACE_COLUMNS = tuple(
 
 def columns(scenario: Scenario) -> tuple[tuple[str, str], ...]:
     """Return the columns that only a run with misaligned grips has."""
-    return () if _errors(scenario, _motion(scenario)) is None else SPACE_COLUMNS
+    return () if imposed_errors(scenario) is None else SPACE_COLUMNS
 
 
 def cycles(scenario: Scenario) -> int:
@@ -36,10 +38,6 @@ def _motion(scenario: Scenario) -> NominalMotion:
     return nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
 
 
-def _errors(scenario: Scenario, motion: NominalMotion) -> Vector | None:
-    return errors_over_time(misalignment_of(scenario), motion)
-
-
 class BendingRun(PlanarRun):
     """Bend the sheet along the scenario's path, between grips that may be misaligned in space."""
 
@@ -48,13 +46,24 @@ class BendingRun(PlanarRun):
         scenario: Scenario,
         compliance: Callable[[Scenario], Controller] = make_compliance,
     ) -> None:
-        motion = _motion(scenario)
-        self._errors = _errors(scenario, motion)
-        super().__init__(scenario, motion, compliance)
+        self._imposed = imposed_errors(scenario)
+        super().__init__(scenario, _motion(scenario), compliance)
+
+    def start(self) -> SensorSample:
+        """Put the cell at rest in its start; the jaws close on the sheet where they are."""
+        sample = super().start()
+        if self._imposed is None:
+            return sample
+        simulation, taken = self.cell.simulation, np.zeros_like(self._imposed)
+        if self.scenario.imperfections.robot.displaces:
+            taken = simulation.grasps()
+        self._errors = errors_over_time(taken, self._imposed, self.motion)
+        simulation.displace_grasps(self._errors[0])
+        return super().start()
 
     def on_observed(self, cycle: int, seen: Observation) -> None:
         """Record and apply the misalignment of the grips."""
-        if self._errors is not None:
+        if self._imposed is not None:
             simulation = self.cell.simulation
             self.trace.record_task(simulation.roll_and_yaw().ravel().tolist())
             simulation.displace_grasps(self._errors[cycle])

@@ -168,7 +168,7 @@ def flat_loads(result: RunRecord, row: int) -> Vector:
     errors = misalignment_of(result.scenario)
     assert errors is not None
     left, right = edge_grips(result, row, "grip")
-    lateral, _, yaw = errors.errors()[1]
+    lateral, yaw = errors.errors()[1, [1, 5]]
     L, grasp = result.scenario.sheet.length_m, result.scenario.grasp
     pad = [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad]
     turned = [math.atan2(g.axes[1, 0], g.axes[0, 0]) for g in (left, right)]
