@@ -24,9 +24,10 @@ from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.task.bending.metrics import metrics, peaks, permanent_set
 from support.rows import written_run
+from support.strip import STRIP8
 
-FIG8 = load_scenario("fig8", ["sheet.model.hinges=4"])
-RIGHT = load_scenario("fig8", ["sheet.model.hinges=4", 'compliance.sensing=["right"]'])
+FIG8 = load_scenario(STRIP8, ["sheet.model.hinges=4"])
+RIGHT = load_scenario(STRIP8, ["sheet.model.hinges=4", 'compliance.sensing=["right"]'])
 NAN = math.nan
 # Phases of a bending run: settle, bend, hold; the sheet is bent in rows 1 to 4.
 PHASE = [0, 1, 1, 1, 1, 2]
@@ -98,7 +99,7 @@ def test_the_mean_moment_of_the_hold_has_no_noise_but_a_constant() -> None:
 
 def test_only_misaligned_grips_have_peaks_out_of_the_plane() -> None:
     scenario = load_scenario(
-        "fig8", ["sheet.model.hinges=4", "task.misalignment.right.lateral_m=5e-4"]
+        STRIP8, ["sheet.model.hinges=4", "task.misalignment.right.lateral_m=5e-4"]
     )
     result = run(
         scenario,

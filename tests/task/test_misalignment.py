@@ -8,13 +8,14 @@ from dualbend.scenario.load import load_scenario
 from dualbend.scenario.motion import nominal_motion
 from dualbend.task.bending.config import GripError, MisalignmentConfig, errors_over_time
 from dualbend.task.bending.run import SPACE_COLUMNS, BendingRun
+from support.strip import STRIP6
 
 SHORT = ("path.end_rad=0.2", "motion.hold_s=0.1")
 ERROR = MisalignmentConfig(right=GripError(lateral_m=1e-3, roll_rad=0.02, yaw_rad=-0.01))
 
 
 def test_errors_rise_from_nothing_while_the_arms_settle_and_then_stay() -> None:
-    scenario = load_scenario("fig6", SHORT)
+    scenario = load_scenario(STRIP6, SHORT)
     motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
     errors = errors_over_time(ERROR, motion)
     assert errors is not None
@@ -25,7 +26,7 @@ def test_errors_rise_from_nothing_while_the_arms_settle_and_then_stay() -> None:
 
 
 def test_no_error_is_no_misalignment() -> None:
-    scenario = load_scenario("fig6", SHORT)
+    scenario = load_scenario(STRIP6, SHORT)
     motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
     assert errors_over_time(None, motion) is None
     assert errors_over_time(MisalignmentConfig(), motion) is None
@@ -37,7 +38,7 @@ def test_the_edge_stands_to_its_gripper_as_configured(side: str) -> None:
         f"task.misalignment.{side}.lateral_m=1e-4",
         f"task.misalignment.{side}.roll_rad=0.02",
     )
-    result = BendingRun(load_scenario("fig6", [*SHORT, *settings])).run()
+    result = BendingRun(load_scenario(STRIP6, [*SHORT, *settings])).run()
     trace = result.trace
     assert result.outcome == "completed"
     assert {name for name, _ in SPACE_COLUMNS} <= {name for name, _ in trace.columns}
@@ -55,7 +56,7 @@ def test_both_grips_wrong_alike_do_not_twist_the_sheet() -> None:
     twisted = ("task.misalignment.left.roll_rad=0.02", "task.misalignment.right.roll_rad=0.02")
     torque = []
     for errors in (alike, twisted):
-        trace = BendingRun(load_scenario("fig6", [*SHORT, *errors])).run().trace
+        trace = BendingRun(load_scenario(STRIP6, [*SHORT, *errors])).run().trace
         row = int(np.argmax(trace["phase"] > 0)) - 1
         torque.append(abs(float(trace["left_true_moment_x"][row])))
     # The weight of the tilted sheet is all that is left of it.

@@ -4,7 +4,7 @@ What the sizes lie between is said in :mod:`dualbend.check.tolerances`.
 """
 
 _SMOOTH = "rounding moves it by 1e-10, a tap or a cycle of delay more by 6e-3 or more in fig8"
-_HELD = "small beside the peaks; what a rounding adds to the noise's path through the loop stays in it"
+_HELD = "a small rest of large moments; a rounding moves it as it moves them"
 _ACROSS = "as much as the peak force; no shipped scenario is misaligned, so not measured there"
 _FITTED = "a window that a rounding adds or takes away moves the best one by a row"
 
