@@ -18,9 +18,10 @@ from dualbend.run.arms import arm_pair, path_targets, with_placements
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.cell import robots_only
 from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD, InverseKinematics, grip_targets
+from support.strip import STRIP6
 
 Array = NDArray[np.float64]
-SCENARIO = load_scenario("fig6")
+SCENARIO = load_scenario(STRIP6)
 NAMES: tuple[ArmName, ...] = ("ur5", "panda")
 """One arm of six joints and one of seven; ``dualbend validate --arm`` measures the others."""
 
@@ -29,7 +30,7 @@ NAMES: tuple[ArmName, ...] = ("ur5", "panda")
 def pair(*names: ArmName) -> ArmPair:
     left, right = names if len(names) == 2 else names * 2
     return arm_pair(
-        load_scenario("fig6", [f"robot.left.model={left}", f"robot.right.model={right}"])
+        load_scenario(STRIP6, [f"robot.left.model={left}", f"robot.right.model={right}"])
     )
 
 
@@ -123,9 +124,9 @@ def test_the_search_is_deterministic() -> None:
 
 def test_what_is_given_by_hand_wins() -> None:
     settings = ["robot.model=ur5", "cell.base_distance_m=0.95", "cell.base_height_m=0.5"]
-    placed = arm_pair(load_scenario("fig6", settings)).left.placement
+    placed = arm_pair(load_scenario(STRIP6, settings)).left.placement
     assert (placed.base_distance_m, placed.base_height_m) == (0.95, 0.5)
-    one = arm_pair(load_scenario("fig6", [*settings, "cell.right.base_distance_m=1.0"]))
+    one = arm_pair(load_scenario(STRIP6, [*settings, "cell.right.base_distance_m=1.0"]))
     assert one.right.placement.base_distance_m == 1.0
     assert one.left.placement == placed
 
@@ -133,38 +134,38 @@ def test_what_is_given_by_hand_wins() -> None:
 def test_a_placed_scenario_is_itself() -> None:
     """Nothing is left to find in what a run writes, and it says the same place."""
     for settings in (["robot.model=panda"], ["robot.right.model=ur5"], []):
-        scenario = load_scenario("fig6", settings)
+        scenario = load_scenario(STRIP6, settings)
         placed = with_placements(scenario)
         assert with_placements(placed) == placed
         assert arm_pair(placed) == arm_pair(scenario)
 
 
 def test_another_arm_takes_the_place_of_the_one_before_back() -> None:
-    base = load_scenario("fig6")
+    base = load_scenario(STRIP6)
     assert base.cell.base_distance_m == 1.05
-    both = load_scenario("fig6", ["cell.base_lateral_m=0.1", "robot.model=ur5"])
+    both = load_scenario(STRIP6, ["cell.base_lateral_m=0.1", "robot.model=ur5"])
     assert (both.cell.base_distance_m, both.cell.base_lateral_m) == (None, 0.1)
-    one = load_scenario("fig6", ["robot.right.model=ur5"])
+    one = load_scenario(STRIP6, ["robot.right.model=ur5"])
     assert one.cell.base_distance_m is None
     assert one.cell.left is not None
     assert one.cell.left.base_distance_m == 1.05
     assert one.cell.right is None
-    assert load_scenario("fig6", ["robot.model=puma560"]) == base
+    assert load_scenario(STRIP6, ["robot.model=puma560"]) == base
 
 
 def test_an_arm_that_is_too_short_is_refused_with_the_number() -> None:
     with pytest.raises(InputError, match=r"'ur3' \(reach 0.5 m\).*misses one by \d+ mm"):
-        arm_pair(load_scenario("fig6", ["robot.model=ur3", "sheet.length_m=1.6"]))
+        arm_pair(load_scenario(STRIP6, ["robot.model=ur3", "sheet.length_m=1.6"]))
 
 
 def test_an_arm_whose_joints_do_not_turn_that_far_is_refused() -> None:
     with pytest.raises(InputError, match=r"right arm: arm 'z1'.*misses one by \d+ mm with joint"):
-        arm_pair(load_scenario("fig6", ["robot.right.model=z1"]))
+        arm_pair(load_scenario(STRIP6, ["robot.right.model=z1"]))
 
 
 def test_the_paper_arm_stands_where_it_is_documented() -> None:
     placement = arm_model("puma560").placement
     assert placement is not None
     assert (
-        arm_pair(load_scenario("fig6", ["cell.base_distance_m=1.075"])).left.placement == placement
+        arm_pair(load_scenario(STRIP6, ["cell.base_distance_m=1.075"])).left.placement == placement
     )

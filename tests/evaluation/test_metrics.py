@@ -7,13 +7,14 @@ from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.stability.prediction import predict
 from dualbend.task.bending.run import BendingRun
+from support.strip import STRIP6, STRIP8
 
 SHORT = ("motion.speed_rad_per_s=0.4", "path.end_rad=0.4", "motion.settle_s=0.1")
 
 
 @pytest.fixture(scope="module")
 def result() -> RunRecord:
-    return BendingRun(load_scenario("fig6", SHORT)).run()
+    return BendingRun(load_scenario(STRIP6, SHORT)).run()
 
 
 def test_peaks_by_piece_are_those_of_the_trace(result: RunRecord) -> None:
@@ -53,7 +54,7 @@ def test_a_metric_that_is_null_says_why_and_others_have_no_note(result: RunRecor
 
 def test_a_loop_that_is_predicted_stable_is_not_said_to_grow() -> None:
     """The compliance's step at 0.2 rad rings at 2.2 Hz; a decay of 0.7-5 1/s as the sheet bends."""
-    scenario = load_scenario("fig8", ("compliance.x.b=1", "path.end_rad=0.6"))
+    scenario = load_scenario(STRIP8, ("compliance.x.b=1", "path.end_rad=0.6"))
     assert predict(scenario).verdict == "stable"
     growth = BendingRun(scenario).run().metrics["oscillation_growth"].value
     assert growth is None or (isinstance(growth, float) and growth < 0.0)

@@ -6,6 +6,7 @@ import pytest
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
+from support.strip import STRIP8
 
 SHORT = (
     *("path.end_rad=0.3", "path.interval_rad=0.1", "motion.speed_rad_per_s=0.4"),
@@ -17,7 +18,7 @@ def run(sensing: str) -> RunRecord:
     # The sheet lies across the right grip: the two arms do not feel quite the same.
     across = "task.misalignment.right.lateral_m=5e-4"
     return BendingRun(
-        load_scenario("fig8", [*SHORT, across, f"compliance.sensing={sensing}"])
+        load_scenario(STRIP8, [*SHORT, across, f"compliance.sensing={sensing}"])
     ).run()
 
 

@@ -11,6 +11,7 @@ from dualbend.beam.sheet import Sheet
 from dualbend.evaluation.sheet import no_theory, nominal_strain, rigidity_choices, sheet_report
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
+from support.strip import STRIP6
 
 WIDE = Sheet(
     length_m=0.4,
@@ -50,7 +51,7 @@ LIGHT = ("sheet.density_kg_per_m3=100", "sheet.young_pa=1e12", "sheet.thickness_
 
 
 def scenario(*settings: str) -> Scenario:
-    return load_scenario("fig6", ["path=exact", *settings])
+    return load_scenario(STRIP6, ["path=exact", *settings])
 
 
 @pytest.mark.parametrize("end", [0.4, 1.2])
@@ -77,7 +78,7 @@ def test_the_weight_of_a_heavy_sheet_is_in_its_strain() -> None:
 
 def test_a_path_of_pieces_strains_between_its_knots_too() -> None:
     """Two chords of 0.6 rad: off the zero-moment path the sheet bends more than at the knots."""
-    coarse = load_scenario("fig6", ["path.end_rad=1.2", "path.interval_rad=0.6"])
+    coarse = load_scenario(STRIP6, ["path.end_rad=1.2", "path.interval_rad=0.6"])
     sheet = coarse.sheet.sheet()
     at_end = elastica.surface_strain(1.2, sheet.length_m, sheet.thickness_m)
     # Bound: not below that of the last knot; weight aside.

@@ -20,6 +20,7 @@ from dualbend.scenario.load import list_scenarios, load_scenario
 from dualbend.scenario.template import scenario_text
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES
+from support.strip import STRIP6, STRIP8
 
 SHORT = ("motion.speed_rad_per_s=0.4", "path.end_rad=0.4", "motion.settle_s=0.1")
 ALUMINIUM = {"young_pa": 70.3e9, "poisson_ratio": 0.33, "density_kg_per_m3": 2680.0}
@@ -33,7 +34,7 @@ ROWS = 20
 
 def record(*settings: str, **columns: object) -> RunRecord:
     """Return a made-up run of 20 cycles in which nothing happens but what the columns say."""
-    scenario = load_scenario("fig6", settings)
+    scenario = load_scenario(STRIP6, settings)
     quiet = ["time", "phase", "nominal_alpha", "left_true_moment_y"]
     quiet += [f"bend_{i:03d}" for i in range(scenario.sheet.model.sections)]
     quiet += [f"{side}_deviation_{part}" for side in SIDES for part in ("x", "alpha")]
@@ -61,7 +62,7 @@ def at(rows: Sequence[int], value: float) -> np.ndarray:
 
 
 def test_numbers_of_another_material_beside_a_name_are_said_with_both() -> None:
-    sheet = load_scenario("fig6", ["sheet.material=FR-4", *UNNAMED[1:]]).sheet
+    sheet = load_scenario(STRIP6, ["sheet.material=FR-4", *UNNAMED[1:]]).sheet
     (warning,) = name_warnings(sheet)
     for words in (
         'sheet.material = "FR-4"',
@@ -70,7 +71,7 @@ def test_numbers_of_another_material_beside_a_name_are_said_with_both() -> None:
         "sheet.density_kg_per_m3 = 2680.0 (FR-4: 1850.0)",
     ):
         assert words in warning
-    assert name_warnings(load_scenario("fig6", ["sheet.material=FR-4"]).sheet) == []
+    assert name_warnings(load_scenario(STRIP6, ["sheet.material=FR-4"]).sheet) == []
 
 
 @pytest.mark.parametrize(
@@ -86,7 +87,7 @@ def test_a_number_within_the_scatter_of_sources_is_still_the_material(
 
     def said(change: float) -> list[str]:
         given = [f"sheet.{key}={own * (1.0 + sign * change)!r}"]
-        return name_warnings(load_scenario("fig6", given).sheet)
+        return name_warnings(load_scenario(STRIP6, given).sheet)
 
     assert said(scatter - 1e-6) == []
     (warning,) = said(scatter + 1e-6)
@@ -96,10 +97,10 @@ def test_a_number_within_the_scatter_of_sources_is_still_the_material(
 def test_what_the_library_does_not_know_contradicts_nothing() -> None:
     # FR-4 has no yield strength: whoever gives one knows more than the library.
     assert (
-        name_warnings(load_scenario("fig6", ["sheet.material=FR-4", "sheet.yield_pa=3e8"]).sheet)
+        name_warnings(load_scenario(STRIP6, ["sheet.material=FR-4", "sheet.yield_pa=3e8"]).sheet)
         == []
     )
-    assert name_warnings(load_scenario("fig6", UNNAMED).sheet) == []
+    assert name_warnings(load_scenario(STRIP6, UNNAMED).sheet) == []
 
 
 def test_a_new_scenario_whose_material_is_changed_has_the_numbers_of_the_new_one(
@@ -116,10 +117,10 @@ def test_a_new_scenario_whose_material_is_changed_has_the_numbers_of_the_new_one
 
 
 def test_the_summary_calls_no_sheet_by_a_name_alone_that_has_other_numbers() -> None:
-    named = sheet_report(load_scenario("fig6", ["sheet.material=FR-4", "sheet.young_pa=70.3e9"]))
+    named = sheet_report(load_scenario(STRIP6, ["sheet.material=FR-4", "sheet.young_pa=70.3e9"]))
     assert named.material == "FR-4 with young_pa = 70.3e9"
-    assert sheet_report(load_scenario("fig6")).material == "5052-H32"
-    assert sheet_report(load_scenario("fig6", UNNAMED)).material == "given"
+    assert sheet_report(load_scenario(STRIP6)).material == "5052-H32"
+    assert sheet_report(load_scenario(STRIP6, UNNAMED)).material == "given"
 
 
 # --- a sheet that yields --------------------------------------------------------------------------
@@ -127,8 +128,8 @@ def test_the_summary_calls_no_sheet_by_a_name_alone_that_has_other_numbers() -> 
 
 def test_an_unnamed_sheet_is_measured_by_the_materials_that_have_its_numbers() -> None:
     """κ t/2 on the path of fig6 is 2.01e-3: above 1100-H14's σ_y/E, below the other alloys'."""
-    (warning,) = scenario_warnings(load_scenario("fig6", UNNAMED))
-    strain = sheet_report(load_scenario("fig6", UNNAMED)).nominal_strain
+    (warning,) = scenario_warnings(load_scenario(STRIP6, UNNAMED))
+    strain = sheet_report(load_scenario(STRIP6, UNNAMED)).nominal_strain
     # Analytic, κ t/2 = (4 K/L) sin(α/2) t/2 of the exact path; its pieces and weight add 0.3 %.
     assert strain == pytest.approx(8.0303 * 0.25e-3, rel=0.01)
     assert f"reaches {strain:.2e} on the nominal path" in warning
@@ -139,11 +140,11 @@ def test_an_unnamed_sheet_is_measured_by_the_materials_that_have_its_numbers() -
 def test_an_unnamed_sheet_below_the_weakest_that_it_could_be_is_not_warned_of() -> None:
     """Analytic: the strain goes with the thickness; 117 MPa/68.9 GPa is at 0.4224 mm."""
     at_limit = (
-        0.0005 * (117e6 / 68.9e9) / sheet_report(load_scenario("fig6", UNNAMED)).nominal_strain
+        0.0005 * (117e6 / 68.9e9) / sheet_report(load_scenario(STRIP6, UNNAMED)).nominal_strain
     )
     for factor, warns in ((0.995, False), (1.005, True)):
         found = scenario_warnings(
-            load_scenario("fig6", [*UNNAMED, f"sheet.thickness_m={factor * at_limit!r}"])
+            load_scenario(STRIP6, [*UNNAMED, f"sheet.thickness_m={factor * at_limit!r}"])
         )
         assert bool(found) == warns, factor
 
@@ -153,7 +154,7 @@ def test_an_unnamed_sheet_like_none_of_the_library_is_measured_by_the_strongest(
     soft = [*UNNAMED, "sheet.young_pa=1e9", "sheet.width_m=0.3", "sheet.length_m=0.2"]
 
     def said(thickness_m: float) -> list[str]:
-        return scenario_warnings(load_scenario("fig6", [*soft, f"sheet.thickness_m={thickness_m}"]))
+        return scenario_warnings(load_scenario(STRIP6, [*soft, f"sheet.thickness_m={thickness_m}"]))
 
     assert max(m.limit_strain or 0.0 for m in library().values()) == 98e6 / 4.8e9
     assert said(0.0024) == []  # analytic, up to weight: 8.0303 · 2 · t/2 = 1.93e-2
@@ -163,16 +164,16 @@ def test_an_unnamed_sheet_like_none_of_the_library_is_measured_by_the_strongest(
 
 def test_a_named_sheet_is_measured_by_its_own_limit() -> None:
     """The trial that gave 277 MPa at the surface without a word: 4.02e-3 against 2.75e-3."""
-    (warning,) = scenario_warnings(load_scenario("fig6", ["sheet.thickness_m=0.001"]))
+    (warning,) = scenario_warnings(load_scenario(STRIP6, ["sheet.thickness_m=0.001"]))
     assert "the sheet (5052-H32) yields" in warning
     assert f"above {193e6 / 70.3e9:.2e}" in warning
     assert "set sheet.plastic = true" in warning
     for other in (["sheet.plastic=true"], ["sheet.material=2024-T3"]):  # simulated so; stronger
-        assert scenario_warnings(load_scenario("fig6", ["sheet.thickness_m=0.001", *other])) == []
+        assert scenario_warnings(load_scenario(STRIP6, ["sheet.thickness_m=0.001", *other])) == []
 
 
 def test_a_brittle_sheet_breaks() -> None:
-    brittle = load_scenario("fig6", ["sheet.material=prepreg-B-stage", "sheet.thickness_m=0.0015"])
+    brittle = load_scenario(STRIP6, ["sheet.material=prepreg-B-stage", "sheet.thickness_m=0.0015"])
     (warning,) = scenario_warnings(brittle)
     assert "the sheet (prepreg-B-stage) breaks" in warning
     assert "as if it did not" in warning
@@ -245,10 +246,10 @@ def test_the_reading_that_the_simulated_sensor_clips_is_the_one_that_is_said() -
         (["sensor.force_range_n=2"], "force x, force z"),
         (["sensor.force_range_n=6.48"], "force z"),
     ):
-        scenario = load_scenario("fig6", [*SHORT, *settings, *UNSTOPPED])
+        scenario = load_scenario(STRIP6, [*SHORT, *settings, *UNSTOPPED])
         (warning,) = run_warnings(BendingRun(scenario).run())
         assert f"({axes})" in warning
-    wide = BendingRun(load_scenario("fig6", [*SHORT, "sensor.force_range_n=7"])).run()
+    wide = BendingRun(load_scenario(STRIP6, [*SHORT, "sensor.force_range_n=7"])).run()
     assert run_warnings(wide) == []
 
 
@@ -295,14 +296,14 @@ def test_axes_that_never_move_an_arm_are_said_and_none_are_not() -> None:
 
 def test_the_papers_compliance_comes_after_the_peak_and_an_earlier_one_does_not() -> None:
     """Simulated: the first piece of the path, 0 to 0.2 rad, has the largest moment."""
-    result = BendingRun(load_scenario("fig8", SHORT)).run()
+    result = BendingRun(load_scenario(STRIP8, SHORT)).run()
     (warning,) = run_warnings(result)
     moment = np.abs(result["left_true_moment_y"]) * (result["phase"] == BEND)
     where = float(result["nominal_alpha"][np.argmax(moment)])
     assert where < 0.2
     assert f"{moment.max():.3g} N m at {where:.3f} rad" in warning
     begins = [f"compliance.x.from_alpha_rad={where - 0.02!r}"]
-    assert run_warnings(BendingRun(load_scenario("fig8", [*SHORT, *begins])).run()) == []
+    assert run_warnings(BendingRun(load_scenario(STRIP8, [*SHORT, *begins])).run()) == []
 
 
 # --- together -------------------------------------------------------------------------------------
@@ -328,7 +329,7 @@ def test_a_run_without_a_cycle_has_nothing_to_say() -> None:
 def test_the_summary_holds_those_of_before_and_after() -> None:
     settings = [*SHORT, "sheet.thickness_m=0.001", "path.end_rad=1.0", "sensor.force_range_n=2"]
     settings += UNSTOPPED
-    run = BendingRun(load_scenario("fig6", [*settings, "motion.speed_rad_per_s=1.0"])).run()
+    run = BendingRun(load_scenario(STRIP6, [*settings, "motion.speed_rad_per_s=1.0"])).run()
     found = run.summary.warnings
     assert found == [*scenario_warnings(run.scenario), *run_warnings(run)]
     assert len(found) == 2

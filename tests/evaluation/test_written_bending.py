@@ -24,9 +24,10 @@ from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.task.bending.metrics import metrics, peaks, permanent_set
 from support.rows import written_run
+from support.strip import STRIP8
 
-FIG8 = load_scenario("fig8", ["sheet.model.hinges=4"])
-RIGHT = load_scenario("fig8", ["sheet.model.hinges=4", 'compliance.sensing=["right"]'])
+FIG8 = load_scenario(STRIP8, ["sheet.model.hinges=4"])
+RIGHT = load_scenario(STRIP8, ["sheet.model.hinges=4", 'compliance.sensing=["right"]'])
 NAN = math.nan
 # Phases of a bending run: settle, bend, hold; the sheet is bent in rows 1 to 4.
 PHASE = [0, 1, 1, 1, 1, 2]
@@ -73,9 +74,32 @@ def test_moments_and_forces_are_those_of_the_sensing_arm_while_it_bends(
     assert "permanent_curvature" not in found
 
 
+@pytest.mark.parametrize(
+    ("phase", "expected"),
+    [
+        # Exact: of four held rows the last two count, of three too; signs cancel.
+        ([1, 2, 2, 2, 2, 3], 0.5 * abs(-0.4 + 0.1)),
+        ([0, 1, 2, 2, 2, 3], 0.5 * abs(-0.4 + 0.1)),
+        ([0, 1, 1, 1, 1, 1], None),
+    ],
+)
+def test_the_mean_moment_of_the_hold_is_that_of_its_second_half(
+    phase: list[int], expected: float | None
+) -> None:
+    result = run(phase=phase, left_true_moment_y=[9.0, 8.0, 7.0, -0.4, 0.1, 6.0])
+    assert value(metrics(result), "mean_moment_hold") == pytest.approx(expected)
+
+
+def test_the_mean_moment_of_the_hold_has_no_noise_but_a_constant() -> None:
+    """Analytic: an oscillation of whole periods about −3 mN m has the mean of 3 mN m."""
+    turns = 2.0 * np.pi * np.arange(40) / 10.0
+    result = run(phase=[2] * 40, left_true_moment_y=-3e-3 + 0.5 * np.cos(turns))
+    assert value(metrics(result), "mean_moment_hold") == pytest.approx(3e-3, rel=1e-12)
+
+
 def test_only_misaligned_grips_have_peaks_out_of_the_plane() -> None:
     scenario = load_scenario(
-        "fig8", ["sheet.model.hinges=4", "task.misalignment.right.lateral_m=5e-4"]
+        STRIP8, ["sheet.model.hinges=4", "task.misalignment.right.lateral_m=5e-4"]
     )
     result = run(
         scenario,

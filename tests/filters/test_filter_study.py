@@ -7,8 +7,9 @@ from dualbend.scenario.load import load_scenario
 from dualbend.study.onset.held import Oscillation
 from filters import filters as module
 from filters.filters import FILTERS, filters_compared, table
+from support.strip import STRIP9
 
-FIG9 = load_scenario("fig9")
+FIG9 = load_scenario(STRIP9)
 
 
 def test_without_a_filter_there_is_nothing_to_compare() -> None:

@@ -31,6 +31,7 @@ from icra1995.findings_scan import (
 from icra1995.reading import Reading, readings
 from icra1995.scan import CLEARLY, HALF, ScanRow, judge, moments, scan
 from icra1995.table import Simulated, Table, read_table, to_csv
+from support.strip import STRIP6, STRIP8
 
 SHIPPED = Reading(
     sheet="400x57x0.5",
@@ -118,7 +119,7 @@ def test_metres_and_radians_are_the_si_units(form: str) -> None:
 
 
 def test_the_shipped_reading_is_the_shipped_scenario() -> None:
-    ours, shipped = SHIPPED.scenario(), load_scenario("fig8")
+    ours, shipped = SHIPPED.scenario(), load_scenario(STRIP8)
     assert gains(ours.compliance) == pytest.approx(gains(shipped.compliance), rel=1e-12)
     for name in ("path", "motion", "filter", "cell"):
         assert getattr(ours, name) == getattr(shipped, name), name
@@ -142,8 +143,8 @@ def test_rest_is_where_filter_and_sheet_agree() -> None:
     ]
     turning = ["compliance.rotation.b=0.5", "compliance.rotation.k=10000.0"]
     alphas = np.array([0.3, 0.5])
-    found = moments(load_scenario("fig6", rigid + turning), alphas)
-    plain = load_scenario("fig6", rigid)
+    found = moments(load_scenario(STRIP6, rigid + turning), alphas)
+    plain = load_scenario(STRIP6, rigid)
     sheet, path = plain.sheet.sheet(), plain.path.make(plain.sheet.length_m)
     for alpha, moment, alone in zip(alphas, found, moments(plain, alphas), strict=True):
         x = float(path.at(float(alpha))[0])

@@ -26,6 +26,7 @@ from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.motion import PHASES
 from dualbend.task.bending.run import BendingRun
+from support.strip import STRIP8
 
 SHORT = (
     "motion.settle_s=0.112",
@@ -93,7 +94,7 @@ class Recorded:
 
 @pytest.fixture(scope="module")
 def result() -> RunRecord:
-    done = BendingRun(load_scenario("fig8", SHORT)).run()
+    done = BendingRun(load_scenario(STRIP8, SHORT)).run()
     assert done.outcome == "completed"
     return done
 
@@ -376,18 +377,18 @@ def test_two_recordings_of_one_run_are_equal(
     for arguments in (("verify", str(path)), ("compare", "--unordered", str(path), str(again))):
         done = rrd(*arguments)
         assert done.returncode == 0, done.stdout + done.stderr
-    other = dataclasses.replace(result, scenario=load_scenario("fig8", SHORT, seed=2))
+    other = dataclasses.replace(result, scenario=load_scenario(STRIP8, SHORT, seed=2))
     write_recording(other, again)
     assert Recorded(again).recording_id != recorded.recording_id
 
 
 def test_two_runs_of_one_seed_make_equal_recordings(path: Path, tmp_path: Path) -> None:
     again = tmp_path / "again.rrd"
-    done = BendingRun(load_scenario("fig8", SHORT)).run()
+    done = BendingRun(load_scenario(STRIP8, SHORT)).run()
     write_recording(done, again, notes_of(done))
     compared = rrd("compare", "--unordered", str(path), str(again))
     assert compared.returncode == 0, compared.stdout + compared.stderr
-    other = BendingRun(load_scenario("fig8", SHORT, seed=2)).run()
+    other = BendingRun(load_scenario(STRIP8, SHORT, seed=2)).run()
     write_recording(other, again, notes_of(other))
     assert rrd("compare", "--unordered", str(path), str(again)).returncode != 0
 

@@ -24,6 +24,7 @@ from dualbend.run.trace import WALL_CLOCK_COLUMNS
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 from support.made_up_book import make_book
+from support.strip import STRIP8
 
 
 def free_port() -> int:
@@ -69,7 +70,7 @@ def viewer() -> Iterator[Viewer]:
 
 @pytest.fixture(scope="module")
 def alone() -> RunRecord:
-    return BendingRun(load_scenario("fig8", SHORT)).run()
+    return BendingRun(load_scenario(STRIP8, SHORT)).run()
 
 
 def same(one: RunRecord, other: RunRecord) -> None:
@@ -93,7 +94,7 @@ def rows_in(path: Path, entity: str) -> int:
 def test_a_watched_run_is_the_same_bit_for_bit(
     viewer: Viewer, alone: RunRecord, tmp_path: Path
 ) -> None:
-    run, path = BendingRun(load_scenario("fig8", SHORT)), tmp_path / "live.rrd"
+    run, path = BendingRun(load_scenario(STRIP8, SHORT)), tmp_path / "live.rrd"
     with LiveRecording(run, viewer.address, path) as live:
         result = run.run(on_cycle=live.note)
         live.end(result, None)
@@ -118,7 +119,7 @@ def test_a_watched_run_is_the_same_bit_for_bit(
 
 def test_the_viewer_gets_every_row(tmp_path: Path) -> None:
     saved = tmp_path / "saved.rrd"
-    server, run = Viewer(saved), BendingRun(load_scenario("fig8", SHORT))
+    server, run = Viewer(saved), BendingRun(load_scenario(STRIP8, SHORT))
     try:
         with LiveRecording(run, server.address, None) as live:
             result = run.run(on_cycle=live.note)
@@ -135,7 +136,7 @@ def test_the_viewer_gets_every_row(tmp_path: Path) -> None:
 def test_what_is_streamed_in_pieces_is_what_is_streamed_at_once(
     viewer: Viewer, tmp_path: Path
 ) -> None:
-    run = BendingRun(load_scenario("fig8", SHORT))
+    run = BendingRun(load_scenario(STRIP8, SHORT))
     result, poses = run.run(), {}
     for name, stops in (("once", ()), ("pieces", (1, 2, 7, 30, 31))):
         path = tmp_path / f"{name}.rrd"
@@ -174,7 +175,7 @@ def test_a_laid_sheet_of_a_book_is_streamed_once(viewer: Viewer, tmp_path: Path)
 def test_a_viewer_that_dies_does_not_end_the_run(
     viewer: Viewer, alone: RunRecord, tmp_path: Path
 ) -> None:
-    run, path = BendingRun(load_scenario("fig8", SHORT)), tmp_path / "live.rrd"
+    run, path = BendingRun(load_scenario(STRIP8, SHORT)), tmp_path / "live.rrd"
     with LiveRecording(run, viewer.address, path) as live:
 
         def step(cycles: int) -> None:

@@ -29,6 +29,7 @@ from dualbend.scene.cell import without_looks
 from dualbend.scene.sheet.strips import strip_body
 from dualbend.task.assembly.motions import PHASES
 from support.made_up_book import make_book
+from support.strip import STRIP8
 
 NO_OPENGL = 77
 
@@ -74,7 +75,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def bending() -> Run:
-    return make_run(load_scenario("fig8", ("path.end_rad=0.4",)))
+    return make_run(load_scenario(STRIP8, ("path.end_rad=0.4",)))
 
 
 @pytest.mark.parametrize(("fps", "speed"), [(10.0, 4.0), (25.0, 1.0), (50.0, 0.5), (3.0, 7.0)])

@@ -23,9 +23,10 @@ from dualbend.study.onset.results import Case, OnsetStudy, Simulated
 from dualbend.study.paper_figures import write_pictures
 from support.left_runs import leave
 from support.pictures import kept_figures
+from support.strip import STRIP9
 
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
-FIG9 = load_scenario("fig9")
+FIG9 = load_scenario(STRIP9)
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from dualbend.run.known_sheet import known_sheet
 from dualbend.scenario.load import load_scenario, parse_scenario
 from dualbend.task.bending.run import BendingRun
 from dualbend.validation.cases.runs import ik_residuals
+from support.strip import STRIP6, STRIP8
 
 SHORT = (
     "path.end_rad=0.2",
@@ -32,7 +33,7 @@ SHORT = (
     ],
 )
 def test_a_shortened_run_completes(arms: tuple[str, ...]) -> None:
-    run = BendingRun(load_scenario("fig8", [*arms, *SHORT]))
+    run = BendingRun(load_scenario(STRIP8, [*arms, *SHORT]))
     result = run.run()
     assert result.outcome == "completed", result.reason
     position, rotation = ik_residuals(result)
@@ -51,7 +52,7 @@ def test_a_shortened_run_completes(arms: tuple[str, ...]) -> None:
 
 
 def test_a_written_scenario_makes_the_run_again() -> None:
-    result = BendingRun(load_scenario("fig6", ["robot.model=panda", *SHORT])).run()
+    result = BendingRun(load_scenario(STRIP6, ["robot.model=panda", *SHORT])).run()
 
     again = parse_scenario(result.scenario.to_toml(), "again")
     assert again == result.scenario
@@ -77,14 +78,14 @@ def test_a_written_scenario_makes_the_run_again() -> None:
 def test_an_arm_that_is_too_weak_is_refused_with_both_numbers(
     settings: list[str], words: str
 ) -> None:
-    scenario = load_scenario("fig6", ["robot.model=panda", "sheet.width_m=0.4", *settings])
+    scenario = load_scenario(STRIP6, ["robot.model=panda", "sheet.width_m=0.4", *settings])
     with pytest.raises(InputError, match=words):
         BendingRun(scenario)
 
 
 def test_the_load_is_what_the_sheet_asks_for() -> None:
     """Golden: the rod's first peak of 0.40 EI/L and up to 25 EI/L² on 0.2 rad."""
-    scenario = load_scenario("fig6")
+    scenario = load_scenario(STRIP6)
     sheet = scenario.sheet.sheet()
     force, weight, moment = sheet_load(scenario)
     unit = sheet.bending_stiffness_nm2 / sheet.length_m
@@ -95,14 +96,14 @@ def test_the_load_is_what_the_sheet_asks_for() -> None:
 
 def test_the_load_of_a_table_is_that_of_its_straight_pieces() -> None:
     """Analytic: rows at the knots make the path of the pieces; a spline has no pieces."""
-    pieces = load_scenario("fig6")
+    pieces = load_scenario(STRIP6)
     path = pieces.path.make(pieces.sheet.length_m)
     rows = [[a, *path.at(a)] for a in path.knots.tolist()]
     said = f"kind='table', end_rad={pieces.path.end_rad}, table={rows}"
-    straight = load_scenario("fig6", [f"path={{{said}}}"])
+    straight = load_scenario(STRIP6, [f"path={{{said}}}"])
     np.testing.assert_allclose(sheet_load(straight), sheet_load(pieces), rtol=1e-12)
-    smooth = load_scenario("fig6", [f"path={{{said}, smooth=true}}"])
-    exact = load_scenario("fig6", ["path={kind='exact', end_rad=1.0}"])
+    smooth = load_scenario(STRIP6, [f"path={{{said}, smooth=true}}"])
+    exact = load_scenario(STRIP6, ["path={kind='exact', end_rad=1.0}"])
     np.testing.assert_allclose(sheet_load(smooth), sheet_load(exact), rtol=1e-12)
     assert sheet_load(exact)[2] == 0.0
 
@@ -117,7 +118,7 @@ def test_the_load_of_a_table_is_that_of_its_straight_pieces() -> None:
 )
 def test_bad_arms_are_refused_with_the_choices(setting: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        load_scenario("fig6", [setting])
+        load_scenario(STRIP6, [setting])
 
 
 @pytest.mark.parametrize(
@@ -139,14 +140,14 @@ def test_a_home_pose_outside_a_joints_range_is_refused(
     settings: tuple[str, ...], words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        arm_pair(load_scenario("fig6", settings))
+        arm_pair(load_scenario(STRIP6, settings))
 
 
 def test_seven_stiffnesses_for_seven_joints() -> None:
     seven = "robot.servo.stiffness_n_m_per_rad=[1e4,1e4,1e4,1e4,2e3,2e3,2e3]"
     with pytest.raises(InputError, match=r"has 7 values, the left arm 'puma560' has 6 joints"):
-        load_scenario("fig6", [seven])
-    assert load_scenario("fig6", [seven, "robot.model=panda"]).robot.servo.stiffness_n_m_per_rad
+        load_scenario(STRIP6, [seven])
+    assert load_scenario(STRIP6, [seven, "robot.model=panda"]).robot.servo.stiffness_n_m_per_rad
 
 
 def test_what_is_computed_of_one_arm_refuses_a_mixed_pair() -> None:
@@ -170,7 +171,7 @@ def test_each_arm_is_judged_in_a_scenario(monkeypatch: pytest.MonkeyPatch) -> No
     from dualbend.run import arm_list
 
     monkeypatch.setattr(arm_list, "JOINT_COUNT", {"puma560": 6, "z1": 6})
-    puma, z1 = evaluate_arms("fig6")
+    puma, z1 = evaluate_arms(STRIP6)
     assert puma["room"]["left"]["room_deg"] > 5.0
     assert "base 1.050 m behind" in verdict_text(puma)
     assert "misses one by" in verdict_text(z1)
@@ -183,7 +184,7 @@ def test_arms_that_stand_differently_are_judged_as_a_pair_of_one_kind(
     from dualbend.run import arm_list
 
     monkeypatch.setattr(arm_list, "JOINT_COUNT", {"ur5": 6})
-    (row,) = evaluate_arms("fig6", ["robot.right.model=panda", "cell.left.base_height_m=0.6"])
+    (row,) = evaluate_arms(STRIP6, ["robot.right.model=panda", "cell.left.base_height_m=0.6"])
     rooms = row["room"]
     assert [rooms[side]["arm"] for side in ("left", "right")] == ["ur5", "ur5"]
     assert row["cell"]["base_distance_m"] is None

@@ -20,6 +20,7 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.task.bending import metrics as bending_metrics
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import Vector
+from support.strip import STRIP6, STRIP8
 
 SHORT = ("motion.speed_rad_per_s=1.0", "path.end_rad=0.2", "sheet.model.hinges=10")
 
@@ -51,15 +52,15 @@ def columns(run: BendingRun) -> Vector:
 def test_a_compliance_that_does_nothing_makes_the_run_without_one() -> None:
     # Golden to the bit: the same commands.
     np.testing.assert_array_equal(
-        columns(BendingRun(short("fig8"), compliance=Still)),
-        columns(BendingRun(short("fig8", "compliance.x=none", "compliance.rotation=none"))),
+        columns(BendingRun(short(STRIP8), compliance=Still)),
+        columns(BendingRun(short(STRIP8, "compliance.x=none", "compliance.rotation=none"))),
     )
 
 
 def test_the_papers_compliance_brought_along_is_the_scenarios() -> None:
     settings = ("compliance.x.from_alpha_rad=0.05",)
-    own = columns(BendingRun(short("fig8", *settings), compliance=papers_own))
-    np.testing.assert_array_equal(own, columns(BendingRun(short("fig8", *settings))))
+    own = columns(BendingRun(short(STRIP8, *settings), compliance=papers_own))
+    np.testing.assert_array_equal(own, columns(BendingRun(short(STRIP8, *settings))))
     assert np.abs(own[:, 1]).max() > 1e-5
 
 
@@ -82,7 +83,7 @@ def test_a_controller_is_told_what_the_trace_records() -> None:
         made.append(Listener(scenario))
         return made[-1]
 
-    run = BendingRun(short("fig8", 'compliance.sensing=["left","right"]'), compliance=make)
+    run = BendingRun(short(STRIP8, 'compliance.sensing=["left","right"]'), compliance=make)
     result = run.run()
     trace, told = result.trace, made[0].told
     assert len(made) == 1
@@ -144,7 +145,7 @@ def test_a_table_of_the_knots_makes_the_run_of_the_pieces() -> None:
     path = scenario.path.make(scenario.sheet.length_m)
     rows = [[a, *path.at(a)] for a in path.knots.tolist()]
     table = load_scenario(
-        "fig6", [*SHORT, "motion.hold_s=0.1", f"path={{kind='table',end_rad=0.2,table={rows}}}"]
+        STRIP6, [*SHORT, "motion.hold_s=0.1", f"path={{kind='table',end_rad=0.2,table={rows}}}"]
     )
     np.testing.assert_array_equal(columns(BendingRun(table)), columns(BendingRun(scenario)))
 
@@ -159,7 +160,7 @@ def test_a_table_of_the_knots_makes_the_run_of_the_pieces() -> None:
 )
 def test_a_table_without_its_kind_is_refused(setting: str, text: str) -> None:
     with pytest.raises(InputError, match=text):
-        load_scenario("fig6", [setting])
+        load_scenario(STRIP6, [setting])
 
 
 @pytest.mark.parametrize(
@@ -174,4 +175,4 @@ def test_a_table_that_does_not_suit_the_sheet_is_refused_when_it_is_read(
     table: str, text: str
 ) -> None:
     with pytest.raises(InputError, match=rf"fig6\.toml with --set: {text}"):
-        load_scenario("fig6", [f"path={{kind='table',table={table}}}"])
+        load_scenario(STRIP6, [f"path={{kind='table',table={table}}}"])

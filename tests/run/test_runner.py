@@ -26,6 +26,7 @@ from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD
 from dualbend.scene.sheet.strips import strip_body
 from dualbend.scene.warnings import SimulationFailed, refuse_warnings
 from dualbend.task.bending.run import BendingRun
+from support.strip import STRIP6
 
 Array = NDArray[np.float64]
 SHORT = (
@@ -46,7 +47,7 @@ ROTARY = ("compliance.rotation={b=0.5,k=10000,from_alpha_rad=0.05}",)
 
 
 def prepare(*settings: str, seed: int | None = None) -> BendingRun:
-    return BendingRun(load_scenario("fig6", [*SHORT, *settings], seed=seed))
+    return BendingRun(load_scenario(STRIP6, [*SHORT, *settings], seed=seed))
 
 
 @cache
@@ -234,7 +235,7 @@ def test_the_grips_arrive_at_the_nominal_pose() -> None:
     # What the arm gives way under 2 N and 0.4 N m at joint 5: 0.2 mrad, 0.1 mm.
     assert abs(error) < 2e-4
     assert trace["sag"][-1] == pytest.approx(
-        trace["nominal_z"][-1] - load_scenario("fig6").cell.sheet_height_m, rel=0.02
+        trace["nominal_z"][-1] - load_scenario(STRIP6).cell.sheet_height_m, rel=0.02
     )
 
 

@@ -7,6 +7,7 @@ from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
+from support.strip import STRIP6
 
 BRIEF = (
     "path.start_rad=0.5",
@@ -19,8 +20,8 @@ COARSE = ("sheet.model=shell", "sheet.model.cells_along=12", "sheet.model.cells_
 
 
 def test_it_runs_in_the_cell_and_the_grippers_carry_it() -> None:
-    plate = BendingRun(load_scenario("fig6", [*BRIEF, *COARSE])).run()
-    strips = BendingRun(load_scenario("fig6", BRIEF)).run()
+    plate = BendingRun(load_scenario(STRIP6, [*BRIEF, *COARSE])).run()
+    strips = BendingRun(load_scenario(STRIP6, BRIEF)).run()
     assert (plate.outcome, plate.reason) == ("completed", "")
     trace, sheet = plate.trace, plate.scenario.sheet.sheet()
     settled = int(np.argmax(trace["phase"] > 0)) - 1
@@ -38,6 +39,6 @@ def test_it_runs_in_the_cell_and_the_grippers_carry_it() -> None:
 
 
 def test_no_file_can_hold_it() -> None:
-    run = BendingRun(load_scenario("fig6", [*BRIEF, *COARSE]))
+    run = BendingRun(load_scenario(STRIP6, [*BRIEF, *COARSE]))
     with pytest.raises(InputError, match=r'sheet.model = "shell": .* export "strips"'):
         run.scene_xml()

@@ -22,10 +22,11 @@ from dualbend.scene.ik import InverseKinematics, grip_targets
 from dualbend.scene.sheet.strips import StripConfig, bend_joint, damping_time
 from dualbend.scene.simulation import Observation, Simulation, tool_mass_and_centre
 from dualbend.types import SIDES
+from support.strip import STRIP6
 
 Array = NDArray[np.float64]
 JOINTS = scene_joints(6)
-SCENARIO = load_scenario("fig6", ["sheet.model.hinges=10"])
+SCENARIO = load_scenario(STRIP6, ["sheet.model.hinges=10"])
 GRASP, STRIPS = SCENARIO.grasp, SCENARIO.sheet.strips
 SHEET = SCENARIO.sheet.sheet()
 WEIGHT_N = SHEET.weight_per_length_n_per_m * SHEET.length_m
@@ -105,7 +106,7 @@ def released(cell: Cell) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 def test_the_bases_mirror_each_other() -> None:
     settings = ["cell.base_distance_m=1.1", "cell.base_lateral_m=0.2"]
-    arms = arm_pair(load_scenario("fig6", settings))
+    arms = arm_pair(load_scenario(STRIP6, settings))
     (left, yaw_left), (right, yaw_right) = (arms.base_pose(side) for side in SIDES)
     np.testing.assert_array_equal(left, [-1.1, 0.2, 0.672])
     # A turn by π about z takes one to the other.
@@ -515,7 +516,7 @@ def test_the_same_cell_twice_is_the_same_model(bent: Cell) -> None:
 
 @pytest.mark.parametrize("hinges", [4, 40])
 def test_the_number_of_strips_is_free(hinges: int) -> None:
-    scenario = load_scenario("fig6", [f"sheet.model.hinges={hinges}"])
+    scenario = load_scenario(STRIP6, [f"sheet.model.hinges={hinges}"])
     cell = Cell(0.3, scenario)
     assert scenario.sheet.strips == StripConfig(hinges=hinges)
     seen = cell.hold(cell.simulation(), 5)

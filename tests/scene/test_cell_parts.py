@@ -17,8 +17,9 @@ from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
 from dualbend.scene.simulation import PLANAR, Simulation
 from dualbend.task.assembly.config import assembly_of
 from dualbend.types import SIDES
+from support.strip import STRIP6, STRIP8
 
-BENDING_RUN = load_scenario("fig6", ["sheet.model.hinges=4"])
+BENDING_RUN = load_scenario(STRIP6, ["sheet.model.hinges=4"])
 ASSEMBLY = load_scenario("pwb")
 
 
@@ -167,7 +168,7 @@ def test_an_arm_above_the_floor_stands_on_a_column(height: float, stands: bool) 
     placed = [f"cell.base_{key}={value}" for key, value in by_hand.items()]
     home = "cell.home_rad=[0.1,-1.5,1.5,-1.5,-1.5,0.0]"
     model = robots_only(
-        arm_pair(load_scenario("fig6", ["robot.model=ur5", *placed, home]))
+        arm_pair(load_scenario(STRIP6, ["robot.model=ur5", *placed, home]))
     ).compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -212,7 +213,7 @@ def test_without_looks_the_cell_moves_alike() -> None:
 
 
 def test_a_displaced_grasp_is_a_yaw_after_a_pitch_and_a_roll_and_is_seen_so() -> None:
-    cell = make_run(load_scenario("fig8", ["sheet.model.hinges=4"])).cell
+    cell = make_run(load_scenario(STRIP8, ["sheet.model.hinges=4"])).cell
     simulation: Simulation = cell.simulation
     model, data = simulation.model, simulation.data
     errors = np.array([[3e-4, 2e-3, 1e-4, 0.3, 0.4, -0.2], [2e-4, -1e-3, -3e-4, -0.1, 0.15, 0.25]])
@@ -232,7 +233,7 @@ def test_a_displaced_grasp_is_a_yaw_after_a_pitch_and_a_roll_and_is_seen_so() ->
 
 def test_how_an_edge_lies_to_its_grip_is_told_as_it_was_displaced() -> None:
     simulation: Simulation = make_run(
-        load_scenario("fig8", ["sheet.model.hinges=4"])
+        load_scenario(STRIP8, ["sheet.model.hinges=4"])
     ).cell.simulation
     data = simulation.data
     errors = np.array([[3e-4, 2e-3, 1e-4, 0.3, 0.4, -0.2], [2e-4, -1e-3, -3e-4, -0.1, 0.15, 0.25]])
@@ -250,7 +251,7 @@ def test_the_planar_pose_of_a_grip_leaves_y_out() -> None:
 
 
 def test_roll_and_yaw_are_those_of_each_arms_bending_frame() -> None:
-    cell = make_run(load_scenario("fig8", ["sheet.model.hinges=4"])).cell
+    cell = make_run(load_scenario(STRIP8, ["sheet.model.hinges=4"])).cell
     simulation: Simulation = cell.simulation
     data = simulation.data
     rng = np.random.default_rng(5)

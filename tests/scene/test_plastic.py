@@ -25,6 +25,7 @@ from dualbend.scene.sheet.strips import (
     hinge_stiffness,
 )
 from dualbend.validation.cases import material as vm
+from support.strip import STRIP6, STRIP8
 
 METAL = vm.yielding_sheet(find_material("5052-H32"))
 STRIPS = StripConfig(hinges=4, springs=6)
@@ -135,7 +136,7 @@ def test_the_elastic_theory_does_not_apply_to_a_sheet_that_would_yield() -> None
     report = sheet_report(load_scenario("springback", ["sheet.plastic=false"]))
     assert report.exceeds and not report.plastic
     assert report.theory.startswith("does not apply to the real sheet")
-    strong = sheet_report(load_scenario("fig6", ["sheet.material=2024-T3"]))
+    strong = sheet_report(load_scenario(STRIP6, ["sheet.material=2024-T3"]))
     assert not strong.exceeds and strong.theory == "applies"
     assert strong.limit_strain == pytest.approx(345 / 73100)
 
@@ -147,30 +148,30 @@ def test_the_strain_is_that_of_the_nominal_path_in_theory() -> None:
 
 
 def test_a_named_material_gives_its_numbers_and_given_ones_win() -> None:
-    sheet = load_scenario("fig6", ["sheet.material=6061-T6"]).sheet
+    sheet = load_scenario(STRIP6, ["sheet.material=6061-T6"]).sheet
     assert sheet.sheet().young_pa == 68.9e9
     assert sheet.limit_strain == pytest.approx(276 / 68900)
     # Whichever comes first on the command line.
     for order in ((0, 1), (1, 0)):
         settings = ("sheet.material=6061-T6", "sheet.young_pa=60e9")
-        own = load_scenario("fig6", [settings[i] for i in order]).sheet.sheet()
+        own = load_scenario(STRIP6, [settings[i] for i in order]).sheet.sheet()
         assert (own.young_pa, own.density_kg_per_m3) == (60e9, 2700.0)
 
 
 def test_a_given_modulus_keeps_the_ratio_of_the_slope_beyond_yield() -> None:
     """Analytic: half of 5052-H32's modulus, half of its 0.29 GPa; a slope that is given wins."""
     half = ["sheet.young_pa=35.15e9"]
-    own = substance(load_scenario("fig6", half).sheet).layers[0].material
+    own = substance(load_scenario(STRIP6, half).sheet).layers[0].material
     assert own.tangent_pa == pytest.approx(0.145e9, rel=1e-12)
-    given = load_scenario("fig6", [*half, "sheet.tangent_pa=1e9"]).sheet
+    given = load_scenario(STRIP6, [*half, "sheet.tangent_pa=1e9"]).sheet
     assert substance(given).layers[0].material.tangent_pa == 1e9
     # The softest sheet that there may be is below that slope itself.
-    assert load_scenario("fig6", ["sheet.young_pa=1e8"]).sheet.sheet().young_pa == 1e8
+    assert load_scenario(STRIP6, ["sheet.young_pa=1e8"]).sheet.sheet().young_pa == 1e8
 
 
 def test_the_resolved_file_makes_the_same_sheet_again(tmp_path: Path) -> None:
     for settings in ([CLAD, "sheet.plastic=true"], ["sheet.material=FR-4", "sheet.rigidity=width"]):
-        scenario = load_scenario("fig8", settings)
+        scenario = load_scenario(STRIP8, settings)
         file = tmp_path / "again.toml"
         file.write_text(scenario.to_toml(), encoding="utf-8")
         assert load_scenario(str(file)) == scenario
@@ -179,7 +180,7 @@ def test_the_resolved_file_makes_the_same_sheet_again(tmp_path: Path) -> None:
 
 def test_rigidity_is_a_choice_with_a_consequence() -> None:
     def report(kind: str) -> Scenario:
-        return load_scenario("fig6", [f"sheet.rigidity={kind}"])
+        return load_scenario(STRIP6, [f"sheet.rigidity={kind}"])
 
     EI = {kind: report(kind).sheet.sheet().bending_stiffness_nm2 for kind in ("beam", "plate")}
     assert EI["plate"] / EI["beam"] == pytest.approx(1.0 / (1.0 - 0.33**2), rel=1e-12)
@@ -214,7 +215,7 @@ def test_what_is_wrong_is_refused_with_key_reason_and_choices(
     settings: list[str], words: list[str]
 ) -> None:
     with pytest.raises(InputError) as caught:
-        load_scenario("fig6", settings)
+        load_scenario(STRIP6, settings)
     assert [word for word in words if word not in str(caught.value)] == []
 
 

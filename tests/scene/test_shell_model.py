@@ -16,10 +16,11 @@ from dualbend.scene.sheet.shell import BENDING, ShellConfig, end_body, hinges
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
 from dualbend.types import Vector
 from support.sheets import STRIP
+from support.strip import STRIP6
 
 
 def shell(config: ShellConfig) -> tuple[mujoco.MjModel, ShellModel]:
-    scenario = load_scenario("fig6", ["sheet.model=shell"])
+    scenario = load_scenario(STRIP6, ["sheet.model=shell"])
     pair = arm_pair(scenario)
     servo = make_servo(scenario, robots_only(pair).compile(), pair.home)
     sheet: Sheet = scenario.sheet.sheet()
@@ -57,7 +58,7 @@ def test_only_the_hinges_of_the_plate_store_bending_energy() -> None:
     count = model.flex_edgenum[flex]
     start = model.flex_bendingadr[flex]
     forms = model.flex_bending[start : start + 17 * count].reshape(count, 17)
-    listed = hinges(load_scenario("fig6", ["sheet.model=shell"]).sheet.sheet(), config)
+    listed = hinges(load_scenario(STRIP6, ["sheet.model=shell"]).sheet.sheet(), config)
     used = np.any(forms != 0.0, axis=1)
     # Exact: one edge of each hinge's own four vertices; the curved rest shape has no part.
     assert used.sum() == len(listed)

@@ -23,6 +23,7 @@ from dualbend.stability.continuous import (
 )
 from dualbend.stability.margins import loop_margins
 from dualbend.stability.sampled import LoopElements, SampledLoop
+from support.strip import STRIP8, STRIP9
 
 OMEGA, TWO_XI_OMEGA, K_E = 4.0 * math.pi, 25.0, 11500.0
 
@@ -122,7 +123,7 @@ def test_pade_is_all_pass_and_of_its_order() -> None:
 
 
 def test_delayed_loop_has_the_scenarios_delays_and_true_compliance() -> None:
-    parts = LoopElements.from_scenario(load_scenario("fig8"))
+    parts = LoopElements.from_scenario(load_scenario(STRIP8))
     # Golden: (2 + 1) cycles, 6 steps of 1.75 ms, half a cycle of a 2-tap FIR.
     assert dead_time_s(parts, 2.0) == pytest.approx(3 * 0.028 + 6 * 0.00175 + 0.014)
     continuous = delayed_loop(parts, "x", 1300.0)
@@ -131,7 +132,7 @@ def test_delayed_loop_has_the_scenarios_delays_and_true_compliance() -> None:
     assert (paper.b, paper.k, paper.delay_s) == (7e3, 575e3, 0.0)
 
 
-@pytest.mark.parametrize("scenario", ["fig8", "fig9"])
+@pytest.mark.parametrize("scenario", [STRIP8, STRIP9])
 @pytest.mark.parametrize("axis", ["x", "rotation"])
 def test_delay_explains_the_sampled_loop_to_five_percent(scenario: str, axis: str) -> None:
     parts = LoopElements.from_scenario(load_scenario(scenario))

@@ -12,6 +12,7 @@ from dualbend.stability.margins import loop_margins
 from dualbend.stability.sampled import LoopElements, SampledLoop
 from dualbend.types import PlanarPose
 from support.state_space import simulate
+from support.strip import STRIP6
 
 ALPHA_RAD = 0.3
 
@@ -60,7 +61,7 @@ def test_a_predictor_with_the_right_model_has_at_least_6_db_and_60_degrees() -> 
 
 def test_the_known_sheet_is_the_closed_forms_within_weight_and_give() -> None:
     """Analytic to first order: 8π²EI/(α²L³) for one arm; Euler's force less the weight's."""
-    scenario = load_scenario("fig6")
+    scenario = load_scenario(STRIP6)
     known, sheet = known_sheet(scenario), scenario.sheet.sheet()
     bend, length = sheet.bending_stiffness_nm2, sheet.length_m
     alpha = 0.2

@@ -19,10 +19,11 @@ from dualbend.scene.simulation import tool_mass_and_centre
 from dualbend.stability.plant.environment import environments, scenario_coupling
 from dualbend.stability.plant.equilibrium import find_equilibrium, sheet_mass
 from dualbend.stability.plant.pose import PosedArm
+from support.strip import STRIP8
 
 Vector = NDArray[np.float64]
 
-SHEET = load_scenario("fig8").sheet.sheet()
+SHEET = load_scenario(STRIP8).sheet.sheet()
 EI, L = SHEET.bending_stiffness_nm2, SHEET.length_m
 X_L, ALPHA_L = 0, 2
 BOTH = '["left","right"]'
@@ -63,14 +64,14 @@ def test_moving_a_sheet_as_a_whole_costs_nothing() -> None:
 
 
 def test_arms_and_grasps_soften_the_sheet_and_most_where_it_is_stiff() -> None:
-    near, far = environments(load_scenario("fig8"), [0.2, 0.8], at_rest=False)
+    near, far = environments(load_scenario(STRIP8), [0.2, 0.8], at_rest=False)
     parts = [1.0 - e.loops["single"][0, 0] / e.rigid_loops["single"][0, 0] for e in (near, far)]
     # Golden: 1.39 N/mm on an arm of about 50 N/mm, then 0.1 N/mm; the rest by rotation and pads.
     # The other arm, which nothing commands, is held by its dry friction.
     assert parts[0] == pytest.approx(0.032, abs=0.003)
     assert parts[1] == pytest.approx(0.011, abs=0.004)
     # Golden: 55.6 N/mm of the arm (the validation measures it) and 1400 N/mm of the pads.
-    arm = PosedArm(load_scenario("fig8"), np.array([-elastica.half_distance(0.2, L), 0.7, 0.2]))
+    arm = PosedArm(load_scenario(STRIP8), np.array([-elastica.half_distance(0.2, L), 0.7, 0.2]))
     along = (arm.compliance + arm.grasp)[0, 0]
     assert 1e-3 / along == pytest.approx(1 / (1 / 55.6 + 1 / 1400), rel=0.1)
 
@@ -100,14 +101,14 @@ def test_no_rest_is_found_where_the_sheet_is_not() -> None:
 
 
 def test_both_arms_are_twice_as_stiff_along_x_and_symmetric() -> None:
-    one = environments(load_scenario("fig8"), [0.4], at_rest=False)[0].rigid_loops["single"]
+    one = environments(load_scenario(STRIP8), [0.4], at_rest=False)[0].rigid_loops["single"]
     mirrored = environments(
-        load_scenario("fig8", [f"compliance.complying={BOTH}"]), [0.4], at_rest=False
+        load_scenario(STRIP8, [f"compliance.complying={BOTH}"]), [0.4], at_rest=False
     )[0].rigid_loops["symmetric"]
     # Analytic: only the distance between the grips counts.
     assert mirrored[0, 0] == pytest.approx(2.0 * one[0, 0], rel=1e-9)
     each = environments(
-        load_scenario("fig8", [f"compliance.complying={BOTH}", f"compliance.sensing={BOTH}"]),
+        load_scenario(STRIP8, [f"compliance.complying={BOTH}", f"compliance.sensing={BOTH}"]),
         [0.4],
         at_rest=False,
     )[0].rigid_loops
@@ -117,9 +118,9 @@ def test_both_arms_are_twice_as_stiff_along_x_and_symmetric() -> None:
 
 
 def test_right_arm_alone_is_the_left_arm_alone() -> None:
-    left = environments(load_scenario("fig8"), [0.4])[0].loops["single"]
+    left = environments(load_scenario(STRIP8), [0.4])[0].loops["single"]
     right = environments(
-        load_scenario("fig8", ['compliance.complying=["right"]', 'compliance.sensing=["right"]']),
+        load_scenario(STRIP8, ['compliance.complying=["right"]', 'compliance.sensing=["right"]']),
         [0.4],
     )[0].loops["single"]
     # Analytic but for the solver's tolerance.
@@ -127,7 +128,7 @@ def test_right_arm_alone_is_the_left_arm_alone() -> None:
 
 
 def test_an_arm_that_follows_the_others_sensor_feels_the_cross_stiffness() -> None:
-    scenario = load_scenario("fig8", ['compliance.complying=["right"]'])
+    scenario = load_scenario(STRIP8, ['compliance.complying=["right"]'])
     stiffness = np.arange(36.0).reshape(6, 6)
     # Analytic: force x and moment of the left, displaced by the right.
     np.testing.assert_array_equal(
@@ -136,20 +137,20 @@ def test_an_arm_that_follows_the_others_sensor_feels_the_cross_stiffness() -> No
 
 
 def test_tool_mode_moves_along_the_grip_and_a_wrong_lever_mixes_forces_in() -> None:
-    scenario = load_scenario("fig8", ['robot.alter.mode="tool"', "sensor.lever_arm_m=0.10"])
+    scenario = load_scenario(STRIP8, ['robot.alter.mode="tool"', "sensor.lever_arm_m=0.10"])
     coupling = scenario_coupling(scenario, 0.5)
     c, s = math.cos(0.5), math.sin(0.5)
     # Analytic: x_G = (cos α, −sin α), and M_read = M + 0.02 (x_G × F)_y.
     np.testing.assert_allclose(coupling.deviation_jacobian[:, 0], [c, -s, 0.0])
     np.testing.assert_allclose(coupling.reading[1], [-0.02 * s, -0.02 * c, 1.0], rtol=1e-12)
-    frozen = scenario_coupling(load_scenario("fig8", ['robot.alter.mode="tool-frozen"']), 0.5)
+    frozen = scenario_coupling(load_scenario(STRIP8, ['robot.alter.mode="tool-frozen"']), 0.5)
     np.testing.assert_allclose(frozen.deviation_jacobian[:, 0], [1.0, 0.0, 0.0], atol=1e-15)
 
 
 @pytest.mark.parametrize("alpha", [0.2, 0.8])
 def test_an_arm_that_moves_its_sensor_feels_its_own_tool(alpha: float) -> None:
     """F = m ẍ and M = (r × F)_y + I α̈ of what hangs beyond the sensor; the sheet's comes on top."""
-    scenario = load_scenario("fig8")
+    scenario = load_scenario(STRIP8)
     (at,) = environments(scenario, [alpha])
     x, _, slope = on_path(alpha)[:3]
     height = scenario.cell.sheet_height_m + elastica.rise(alpha, L)
@@ -171,9 +172,9 @@ def test_an_arm_that_moves_its_sensor_feels_its_own_tool(alpha: float) -> None:
 
 
 def test_an_arm_that_follows_the_others_sensor_reads_none_of_its_own_tool() -> None:
-    crossed = load_scenario("fig8", ['compliance.sensing=["right"]'])
+    crossed = load_scenario(STRIP8, ['compliance.sensing=["right"]'])
     (at,) = environments(crossed, [0.5])
-    (alone,) = environments(load_scenario("fig8"), [0.5])
+    (alone,) = environments(load_scenario(STRIP8), [0.5])
     (arm,), (own,) = at.arms.values(), alone.arms.values()
     # The other hand stands still: what is left is the sheet's 31 g of the 0.6 kg.
     assert abs(arm.mass_read[0, 0]) < 0.1 * own.mass_read[0, 0]
@@ -181,7 +182,7 @@ def test_an_arm_that_follows_the_others_sensor_reads_none_of_its_own_tool() -> N
 
 def test_a_pose_out_of_reach_is_named() -> None:
     with pytest.raises(InputError, match=r"path at 0\.000 rad: grip pose out of reach"):
-        environments(load_scenario("fig8", ["cell.base_distance_m=2.0"]), [0.3])
+        environments(load_scenario(STRIP8, ["cell.base_distance_m=2.0"]), [0.3])
 
 
 def test_the_sheets_mass_is_what_its_points_do_when_the_grips_move() -> None:

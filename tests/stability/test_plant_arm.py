@@ -16,6 +16,7 @@ from dualbend.stability.plant.arm import CompliantArm, Joints
 from dualbend.stability.plant.environment import environments
 from dualbend.stability.sampled import LoopElements, SampledLoop
 from dualbend.stability.state_space import StateSpace
+from support.strip import STRIP8, STRIP9
 
 STEPS, SERVO_K, SHEET_K, INERTIA, TOOL = 16, 2000.0, 30.0, 0.2, 0.03
 
@@ -94,7 +95,7 @@ def test_a_stiff_arm_in_small_steps_does_what_the_response_says() -> None:
     growth = []
     for step_s in (0.00175, 0.000875):
         scenario = load_scenario(
-            "fig9",
+            STRIP9,
             [f"physics.step_s={step_s}", "sensor.latency_ms=10.5", "robot.servo.damping_ratio=1"],
         )
         elements = LoopElements.from_scenario(scenario)
@@ -138,10 +139,10 @@ def test_the_frequency_response_is_the_resolvent() -> None:
 
 
 def test_joints_that_nothing_moves_are_left_to_their_friction() -> None:
-    (at,) = environments(load_scenario("fig8"), [0.4])
+    (at,) = environments(load_scenario(STRIP8), [0.4])
     # Analytic: in the paper's plane only shoulder, elbow and wrist bend.
     assert at.arms["single"].joints.stiffness.tolist() == [3.3e4, 0.57e4, 2.0e3]
-    (aside,) = environments(load_scenario("fig8", ["cell.base_lateral_m=0.2"]), [0.4])
+    (aside,) = environments(load_scenario(STRIP8, ["cell.base_lateral_m=0.2"]), [0.4])
     assert len(aside.arms["single"].joints.stiffness) == 6
     arm = at.arms["single"]
     # Analytic: the joints' set-points do what is sent, and nothing else in the plane.

@@ -17,6 +17,7 @@ from dualbend.stability.map import stability_map
 from dualbend.stability.plant.environment import environments
 from dualbend.stability.prediction import predict, unstable_ranges
 from dualbend.stability.sampled import LoopElements, SampledLoop
+from support.strip import STRIP6, STRIP8, STRIP9
 
 
 def call(*arguments: str) -> tuple[int, str]:
@@ -25,7 +26,7 @@ def call(*arguments: str) -> tuple[int, str]:
 
 
 def test_fig8_is_predicted_stable_everywhere() -> None:
-    found = predict(load_scenario("fig8"))
+    found = predict(load_scenario(STRIP8))
     assert found.verdict == "stable"
     assert found.unstable_rad == ()
     assert [round(row.alpha_rad, 3) for row in found.rows] == [
@@ -37,7 +38,7 @@ def test_fig8_is_predicted_stable_everywhere() -> None:
 
 
 def test_fig9_is_predicted_unstable_at_first_as_the_simulation_is() -> None:
-    found = predict(load_scenario("fig9"))
+    found = predict(load_scenario(STRIP9))
     assert found.verdict == "unstable"
     ((low, high),) = found.unstable_rad
     # Golden: the simulated oscillation stops growing at 0.3-0.4 rad.
@@ -57,7 +58,7 @@ def test_fig9_is_predicted_unstable_at_first_as_the_simulation_is() -> None:
 
 def test_a_looser_loop_is_more_stable_and_more_delay_less() -> None:
     radius = {
-        delay: predict(load_scenario("fig8", [f"robot.alter.delay_cycles={delay}"]))
+        delay: predict(load_scenario(STRIP8, [f"robot.alter.delay_cycles={delay}"]))
         .rows[0]
         .gain_margin_db
         for delay in (0, 2, 4)
@@ -66,7 +67,7 @@ def test_a_looser_loop_is_more_stable_and_more_delay_less() -> None:
 
 
 def test_axis_selects_what_takes_part() -> None:
-    rows = {axis: predict(load_scenario("fig9"), axis).rows for axis in ("x", "rotation")}  # type: ignore[arg-type]
+    rows = {axis: predict(load_scenario(STRIP9), axis).rows for axis in ("x", "rotation")}  # type: ignore[arg-type]
     assert {row.axes for row in rows["x"]} == {("x",)}
     assert {row.axes for row in rows["rotation"]} == {("rotation",)}
     assert not rows["x"][0].stable
@@ -74,7 +75,7 @@ def test_axis_selects_what_takes_part() -> None:
 
 
 def test_axes_come_in_at_their_own_angles() -> None:
-    scenario = load_scenario("fig8", ["compliance.x.from_alpha_rad=0.43"])
+    scenario = load_scenario(STRIP8, ["compliance.x.from_alpha_rad=0.43"])
     found = predict(scenario)
     axes = {round(row.alpha_rad, 3): row.axes for row in found.rows}
     assert axes[0.4] == ("rotation",)
@@ -91,11 +92,11 @@ def test_axes_come_in_at_their_own_angles() -> None:
 def test_without_compliance_nothing_is_unstable(
     settings: list[str], axis: str, reason: str
 ) -> None:
-    found = predict(load_scenario("fig8", settings), axis)  # type: ignore[arg-type]
+    found = predict(load_scenario(STRIP8, settings), axis)  # type: ignore[arg-type]
     assert found.verdict == "no compliance"
     assert reason in found.reason
     with pytest.raises(InputError, match="--map"):
-        stability_map(load_scenario("fig8", settings), found)
+        stability_map(load_scenario(STRIP8, settings), found)
 
 
 def test_ranges_are_interpolated() -> None:
@@ -107,7 +108,7 @@ def test_ranges_are_interpolated() -> None:
 
 
 def test_the_maps_boundary_is_the_loops() -> None:
-    scenario = load_scenario("fig9")
+    scenario = load_scenario(STRIP9)
     predicted = predict(scenario)
     panels = stability_map(scenario, predicted)
     assert [panel.axis for panel in panels] == ["x", "rotation"]
@@ -122,7 +123,7 @@ def test_the_maps_boundary_is_the_loops() -> None:
                 f"compliance.{panel.axis}.k={panel.k[j]!r}",
             ]
             parts = LoopElements.from_scenario(
-                load_scenario("fig9", [s.replace("np.float64(", "").rstrip(")") for s in settings])
+                load_scenario(STRIP9, [s.replace("np.float64(", "").rstrip(")") for s in settings])
             )
             # A larger gain of the filter is the same as a larger reading.
             louder = replace(
@@ -138,16 +139,16 @@ def test_the_maps_boundary_is_the_loops() -> None:
 
 
 def test_the_command_prints_verdict_and_range() -> None:
-    code, output = call("fig9")
+    code, output = call(STRIP9)
     assert code == 0
     assert "predicted unstable from 0.20 to 0.3" in output
     assert "fig9: unstable (worst at 0.20 rad" in output
-    code, output = call("fig6")
+    code, output = call(STRIP6)
     assert (code, output) == (0, "fig6: no compliance: nothing to be unstable\n")
 
 
 def test_json_is_strict_and_complete() -> None:
-    code, output = call("fig8", "--json")
+    code, output = call(STRIP8, "--json")
     assert code == 0
 
     def refuse(token: str) -> float:
@@ -161,10 +162,10 @@ def test_json_is_strict_and_complete() -> None:
 
 
 def test_the_map_is_written_or_refused(tmp_path: Path) -> None:
-    code, _ = call("fig9", "--map", str(tmp_path / "map.png"))
+    code, _ = call(STRIP9, "--map", str(tmp_path / "map.png"))
     assert code == 0
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
-    code, _ = call("fig9", "--map", str(tmp_path / "nowhere" / "map.png"))
+    code, _ = call(STRIP9, "--map", str(tmp_path / "nowhere" / "map.png"))
     assert code == 2
 
 
@@ -172,5 +173,5 @@ def test_the_map_is_written_or_refused(tmp_path: Path) -> None:
     "setting", ["compliance.x.k=-1.0", "robot.alter.delay_cycles=1.5", "compliance.x.b=0"]
 )
 def test_bad_input_is_refused(setting: str) -> None:
-    code, _ = call("fig9", "--set", setting)
+    code, _ = call(STRIP9, "--set", setting)
     assert code == 2

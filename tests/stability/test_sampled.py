@@ -25,6 +25,7 @@ from dualbend.stability.margins import loop_margins
 from dualbend.stability.mode import describe_mode
 from dualbend.stability.sampled import LoopElements, SampledLoop
 from support.state_space import simulate
+from support.strip import STRIP6, STRIP8
 
 Vector = NDArray[np.float64]
 STEPS = 8
@@ -237,7 +238,7 @@ def test_modes_in_time() -> None:
 
 @pytest.mark.parametrize(("latency_ms", "age"), [(0.0, 1), (9.9, 6), (28.0, 16), (60.0, 34)])
 def test_a_scenario_gives_the_age_that_the_simulation_has(latency_ms: float, age: int) -> None:
-    scenario = load_scenario("fig8", [f"sensor.latency_ms={latency_ms}"])
+    scenario = load_scenario(STRIP8, [f"sensor.latency_ms={latency_ms}"])
     parts = LoopElements.from_scenario(scenario)
     # Golden: at 1.75 ms, and never younger than one step.
     assert parts.age_steps == age
@@ -255,4 +256,4 @@ def test_bad_input_is_refused() -> None:
     with pytest.raises(InputError, match=r"finite \(2, 2\)"):
         SampledLoop(elements(), np.eye(3))
     with pytest.raises(InputError, match=r"compliance\.x is off"):
-        LoopElements.from_scenario(load_scenario("fig6")).axis("x")
+        LoopElements.from_scenario(load_scenario(STRIP6)).axis("x")

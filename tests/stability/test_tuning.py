@@ -32,6 +32,7 @@ from dualbend.stability.prediction import predict
 from dualbend.stability.search import Margin, Search, min_margin, places, with_compliance
 from dualbend.stability.tuning import Name, Outcome, Tuning, surpasses, tune, write_scenario
 from support.scripts import load_script
+from support.strip import STRIP6, STRIP8
 
 REQUIRED = Margin(gain_db=6.0, phase_deg=30.0)
 WIDE = Margin(gain_db=math.inf, phase_deg=math.inf)
@@ -62,7 +63,7 @@ def test_margins_of_the_shipped_scenarios_are_those_required() -> None:
 @pytest.mark.parametrize("form", FORMS)
 def test_a_step_changes_the_static_compliance_or_the_lag_and_not_the_other(form: str) -> None:
     """Analytic, to the four digits that are kept: C ∝ the factor at one b/k; b/k at one C."""
-    config = gains("fig8", f"compliance.x.form={form}")
+    config = gains(STRIP8, f"compliance.x.form={form}")
     before = config.x
     assert before is not None
     softer, slower = (turned(config, Knob("x", key), 2.0) for key in ("compliance", "lag"))
@@ -79,7 +80,7 @@ def test_a_step_changes_the_static_compliance_or_the_lag_and_not_the_other(form:
 
 def test_the_gain_margin_falls_by_the_decibels_that_the_compliance_rises() -> None:
     """Analytic: the loop of one axis is linear in its static compliance, at one equilibrium."""
-    scenario = load_scenario("fig8", ["compliance.rotation=none"])
+    scenario = load_scenario(STRIP8, ["compliance.rotation=none"])
     at = places(scenario)
     config = scenario.compliance
     assert isinstance(config, AdmittanceConfig)
@@ -95,7 +96,7 @@ def test_a_lag_much_shorter_than_a_cycle_is_taken_for_the_shortest_that_makes_a_
     None
 ):
     """fig8's rotation has b/k = 50 µs: the pole is e^(−560), and twice that is no other filter."""
-    config = gains("fig8")
+    config = gains(STRIP8)
     assert turned(config, Knob("rotation", "lag"), 0.5) is None
     slower = turned(config, Knob("rotation", "lag"), 4.0)
     assert slower is not None
@@ -105,7 +106,7 @@ def test_a_lag_much_shorter_than_a_cycle_is_taken_for_the_shortest_that_makes_a_
 
 
 def test_what_is_searched_is_what_acts_and_what_is_given() -> None:
-    late = gains("fig8", "compliance.x.from_alpha_rad=1.5")
+    late = gains(STRIP8, "compliance.x.from_alpha_rad=1.5")
     assert {knob.part for knob in knobs(late, 1.0)} == {"rotation"}
     assert {knob.part for knob in knobs(late, 1.6)} == {"x", "rotation"}
     modelled = {tuple(knob) for knob in knobs(gains("tuned"), 1.0)}
@@ -163,7 +164,7 @@ class Bowl:
 
     def found(self, monkeypatch: pytest.MonkeyPatch, bound_nm: float = 1.0) -> list[Gains]:
         monkeypatch.setattr(search, "simulate", self.simulate)
-        scenario = load_scenario("fig8", ["compliance.x.form=static"])
+        scenario = load_scenario(STRIP8, ["compliance.x.form=static"])
         looking = Search(scenario, REQUIRED, (1, 2), bound_nm, lambda _: None)
         monkeypatch.setattr(looking, "margin", self.margin)
         config = scenario.compliance
@@ -234,7 +235,7 @@ def test_the_limit_is_what_has_to_go_before_more_compliance_pays(
         return np.array([2.0 + slope * axis.k / 1e3, peak]), ""
 
     monkeypatch.setattr(limits, "simulate", made_up)
-    scenario = load_scenario("fig8")
+    scenario = load_scenario(STRIP8)
     said = limits.limit(scenario, scenario.compliance, "x", REQUIRED, (1, 2))
     assert said.startswith(words)
 
@@ -245,7 +246,7 @@ def test_the_margin_is_the_limit_where_more_compliance_has_none() -> None:
     Analytic from above: the softer axis yields more to the end force, and the flatter sheet is
     stiffer. Golden from below.
     """
-    scenario = load_scenario("fig8")
+    scenario = load_scenario(STRIP8)
     wanted = Margin(gain_db=18.0, phase_deg=30.0)
     said = limits.limit(scenario, scenario.compliance, "x", wanted, (1, 2))
     found = re.match(r"the margin: 1.6 times as compliant it is (\d+\.\d) dB", said)
@@ -255,8 +256,8 @@ def test_the_margin_is_the_limit_where_more_compliance_has_none() -> None:
 
 def test_what_is_over_before_the_compliance_begins_is_said() -> None:
     """Golden: the peak of fig6 is at 0.08 rad, the compliance of fig8 begins at 0.2 rad."""
-    scenario = load_scenario("fig8")
-    (words,) = limits.beginning(scenario, gains("fig8"))
+    scenario = load_scenario(STRIP8)
+    (words,) = limits.beginning(scenario, gains(STRIP8))
     assert "begins, at 0.2 rad, and so is the peak, at 0.08 rad" in words
     assert not [*limits.beginning(scenario, gains("tuned"))]
 
@@ -303,11 +304,11 @@ def test_the_reach_that_is_left_is_that_of_an_arm_stretched_out() -> None:
 @pytest.mark.parametrize(
     ("name", "settings", "words"),
     [
-        ("fig8", ["compliance.complying=[]"], "no arm complies"),
-        ("fig6", ["compliance.complying=[]"], "no arm complies"),
-        ("fig8", ["path.end_rad=0.15"], "begins at 0.2 rad, where the path has ended"),
+        (STRIP8, ["compliance.complying=[]"], "no arm complies"),
+        (STRIP6, ["compliance.complying=[]"], "no arm complies"),
+        (STRIP8, ["path.end_rad=0.15"], "begins at 0.2 rad, where the path has ended"),
         ("pwb", [], "task.kind = 'assembly'"),
-        ("fig8", ["robot.right.model=ur5"], "two of a kind"),
+        (STRIP8, ["robot.right.model=ur5"], "two of a kind"),
     ],
 )
 def test_where_there_is_nothing_to_tune_the_reason_is_said(
@@ -323,7 +324,7 @@ def short() -> tuple[Scenario, Tuning, list[float]]:
     settings = LANE.settings("ur5", "FR-4")
     si = {"units": "si", "x.b": 7e3, "x.k": 5.75e5, "rotation.b": 28.6, "rotation.k": 5.73e5}
     settings += [f"compliance.{key}={value}" for key, value in si.items()]
-    scenario = load_scenario("fig8", [*settings, "path.end_rad=0.5", "motion.hold_s=0"])
+    scenario = load_scenario(STRIP8, [*settings, "path.end_rad=0.5", "motion.hold_s=0"])
     told: list[float] = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(search, "STEPS", (4.0,))
@@ -376,7 +377,7 @@ STOPS = (math.inf, math.inf)
 def outcome(name: Name, rms_peak: tuple[float, float], stops: int = 0, **margins: float) -> Outcome:
     moments = np.tile(rms_peak, (3, 1))
     moments[:stops] = math.inf
-    own = load_scenario("fig8").compliance
+    own = load_scenario(STRIP8).compliance
     return Outcome(
         name=name,
         compliance=NoComplianceConfig() if name == "none" else own,
@@ -390,7 +391,7 @@ def made_up(name: Name, outcomes: Sequence[Outcome] = (), **margins: float) -> T
     names: tuple[Name, ...] = ("none", "own", "tuned")
     outcomes = outcomes or [outcome(each, SIZES[each], **margins) for each in names]
     (chosen,) = (each for each in outcomes if each.name == name)
-    scenario = load_scenario("fig8")
+    scenario = load_scenario(STRIP8)
     return Tuning(
         scenario=msgspec.structs.replace(scenario, name="fig8-tuned", compliance=chosen.compliance),
         required=REQUIRED,
@@ -449,8 +450,8 @@ def test_gains_whose_runs_stop_are_halved_until_none_does_and_once_more(
         return msgspec.structs.replace(found, compliance=config)
 
     monkeypatch.setattr(tuning, "_outcome", simulated)
-    first = simulated("tuned", load_scenario("fig8"), gains("fig8"), 3)
-    found, stopped = tuning._stiffened(load_scenario("fig8"), first, 3)
+    first = simulated("tuned", load_scenario(STRIP8), gains(STRIP8), 3)
+    found, stopped = tuning._stiffened(load_scenario(STRIP8), first, 3)
     assert found.compliance.x is not None
     assert unit.k / found.compliance.x.k == pytest.approx(left, rel=1e-3)
     assert bool(found.stops) is (stops_above == 0.0)
@@ -492,7 +493,7 @@ def test_the_lane_demands_the_better_of_what_never_stops(
 def test_what_is_written_is_what_was_chosen(tmp_path: Path, name: Name) -> None:
     found = made_up(name)
     file = tmp_path / "found.toml"
-    write_scenario(found, "fig8", file)
+    write_scenario(found, STRIP8, file)
     loaded = load_scenario(str(file))
     assert loaded.compliance == found.scenario.compliance
     assert loaded.path == found.scenario.path
@@ -500,7 +501,7 @@ def test_what_is_written_is_what_was_chosen(tmp_path: Path, name: Name) -> None:
 
 def called(monkeypatch: pytest.MonkeyPatch, found: Tuning) -> tuple[int, str]:
     monkeypatch.setattr(tuning, "tune", lambda *_, **__: found)
-    result = CliRunner().invoke(main, ["tune", "fig8"])
+    result = CliRunner().invoke(main, ["tune", STRIP8])
     return result.exit_code, result.output
 
 

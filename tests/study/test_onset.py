@@ -25,9 +25,10 @@ from dualbend.study.onset.report import report, summary
 from dualbend.study.onset.results import Case, OnsetStudy, Rate, Simulated
 from dualbend.study.onset.study import onset_study
 from dualbend.study.onset.threshold import AGREEING, STEP, threshold
+from support.strip import STRIP6, STRIP9
 
 Vector = NDArray[np.float64]
-FIG9 = load_scenario("fig9")
+FIG9 = load_scenario(STRIP9)
 LIMIT = 0.1
 
 
@@ -186,9 +187,9 @@ def test_a_ray_scales_the_loop_and_the_onset_is_on_the_unit_circle() -> None:
 
 def test_two_sensing_arms_are_looked_at_as_they_are_disturbed() -> None:
     both = load_scenario(
-        "fig9", ['compliance.complying=["left","right"]', 'compliance.sensing=["left","right"]']
+        STRIP9, ['compliance.complying=["left","right"]', 'compliance.sensing=["left","right"]']
     )
-    led = load_scenario("fig9", ['compliance.complying=["left","right"]'])
+    led = load_scenario(STRIP9, ['compliance.complying=["left","right"]'])
     onsets = [RayLoop(s, "rotation", 0.5, 80.0).predict().sampled for s in (both, led)]
     # Analytic: alike, both arms move as one that the other mirrors.
     assert onsets[0] == pytest.approx(onsets[1], rel=1e-6)
@@ -236,9 +237,9 @@ def test_what_makes_no_study_is_refused(changed: dict[str, object], message: str
 
 def test_a_scenario_without_the_axis_is_refused() -> None:
     with pytest.raises(InputError, match=r"compliance\.x is off"):
-        onset_study(load_scenario("fig6"), grid())
+        onset_study(load_scenario(STRIP6), grid())
     with pytest.raises(InputError, match="no compliance"):
-        onset_study(load_scenario("fig9", ["compliance.complying=[]"]), grid())
+        onset_study(load_scenario(STRIP9, ["compliance.complying=[]"]), grid())
     with pytest.raises(InputError, match=r"compliance\.x\.k = -1\.0: must be positive"):
         held(FIG9, "x", 0.5, (0.2, -1.0))
 
@@ -289,7 +290,7 @@ def test_what_is_found_is_kept_and_not_done_again(
     assert done == [5.0, 80.0, 80.0]
     assert [case.ratio_per_s for case in found.cases] == [5.0, 80.0]
     # Another scenario is another case.
-    onset_study(load_scenario("fig9", ["robot.alter.delay_cycles=3"]), **given, folder=tmp_path)  # type: ignore[arg-type]
+    onset_study(load_scenario(STRIP9, ["robot.alter.delay_cycles=3"]), **given, folder=tmp_path)  # type: ignore[arg-type]
     assert len(done) == 5
     assert onset_study(FIG9, **given, folder=tmp_path) == found  # type: ignore[arg-type]
     assert len(done) == 5

@@ -13,13 +13,14 @@ from dualbend.task.bending.config import (
     imposed_errors,
 )
 from dualbend.task.bending.run import SPACE_COLUMNS, BendingRun
+from support.strip import STRIP6
 
 SHORT = ("path.end_rad=0.2", "motion.hold_s=0.1")
 ERROR = MisalignmentConfig(right=GripError(lateral_m=1e-3, roll_rad=0.02, yaw_rad=-0.01))
 
 
 def test_errors_rise_from_nothing_while_the_arms_settle_and_then_stay() -> None:
-    scenario = load_scenario("fig6", SHORT)
+    scenario = load_scenario(STRIP6, SHORT)
     motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
     errors = errors_over_time(np.zeros((2, 6)), ERROR.errors(), motion)
     # Analytic.
@@ -29,7 +30,7 @@ def test_errors_rise_from_nothing_while_the_arms_settle_and_then_stay() -> None:
 
 
 def test_of_what_the_jaws_took_only_their_plane_stays() -> None:
-    scenario = load_scenario("fig6", SHORT)
+    scenario = load_scenario(STRIP6, SHORT)
     motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
     taken = np.array([[1e-3, 2e-3, 3e-3, 0.01, 0.02, 0.03]] * 2)
     errors = errors_over_time(taken, ERROR.errors(), motion)
@@ -40,15 +41,15 @@ def test_of_what_the_jaws_took_only_their_plane_stays() -> None:
 
 
 def test_no_error_is_no_misalignment() -> None:
-    assert imposed_errors(load_scenario("fig6", SHORT)) is None
+    assert imposed_errors(load_scenario(STRIP6, SHORT)) is None
     assert (
-        imposed_errors(load_scenario("fig6", [*SHORT, "task.misalignment.left.yaw_rad=0"])) is None
+        imposed_errors(load_scenario(STRIP6, [*SHORT, "task.misalignment.left.yaw_rad=0"])) is None
     )
 
 
 def test_a_sheet_gripped_too_high_and_pitched_is_bent_by_its_grip() -> None:
     settings = ("height_m=2e-4", "pitch_rad=0.01", "along_m=1e-4")
-    scenario = load_scenario("fig6", [*SHORT, *(f"task.misalignment.right.{s}" for s in settings)])
+    scenario = load_scenario(STRIP6, [*SHORT, *(f"task.misalignment.right.{s}" for s in settings)])
     run = BendingRun(scenario)
     run.begin()
     for _ in range(int(np.count_nonzero(run.motion.phase == 0))):
@@ -67,7 +68,7 @@ def test_the_edge_stands_to_its_gripper_as_configured(side: str) -> None:
         f"task.misalignment.{side}.lateral_m=1e-4",
         f"task.misalignment.{side}.roll_rad=0.02",
     )
-    result = BendingRun(load_scenario("fig6", [*SHORT, *settings])).run()
+    result = BendingRun(load_scenario(STRIP6, [*SHORT, *settings])).run()
     trace = result.trace
     assert result.outcome == "completed"
     assert {name for name, _ in SPACE_COLUMNS} <= {name for name, _ in trace.columns}
@@ -85,7 +86,7 @@ def test_both_grips_wrong_alike_do_not_twist_the_sheet() -> None:
     twisted = ("task.misalignment.left.roll_rad=0.02", "task.misalignment.right.roll_rad=0.02")
     torque = []
     for errors in (alike, twisted):
-        trace = BendingRun(load_scenario("fig6", [*SHORT, *errors])).run().trace
+        trace = BendingRun(load_scenario(STRIP6, [*SHORT, *errors])).run().trace
         row = int(np.argmax(trace["phase"] > 0)) - 1
         torque.append(abs(float(trace["left_true_moment_x"][row])))
     # The weight of the tilted sheet is all that is left of it.

@@ -91,12 +91,12 @@ def test_compliance_halves_the_peaks_of_the_pieces_in_which_it_acts(fig6: RunRec
     exact = run("exact")
     rows = {row.name: row for row in vr.comparison_rows(_runs(fig6, fig8, exact))}
     ratio = next(row for name, row in rows.items() if name.startswith("fig8"))
-    # Golden: recorded; the experiment's claim is 0.6.
-    assert ratio.measured == pytest.approx(0.583, abs=0.005)
+    # Golden: recorded, on seed 1; the experiment's claim is 0.72.
+    assert ratio.measured == pytest.approx(0.689, abs=0.005)
     assert ratio.passed
-    # From the traces, of each piece of 0.2 rad but the first, in which nothing complies yet.
+    # From the traces, of each piece of 0.2 rad.
     peaks = [
-        [np.abs(run.trace["left_true_moment_y"][piece(run, k)]).max() for k in range(1, 5)]
+        [np.abs(run.trace["left_true_moment_y"][piece(run, k)]).max() for k in range(5)]
         for run in (fig8, fig6)
     ]
     assert ratio.measured == pytest.approx(np.max(np.divide(*peaks)), rel=1e-12)
@@ -112,11 +112,11 @@ def piece(run: RunRecord, k: int) -> np.ndarray:
     return (run.trace["phase"] == 1) & low & (alpha <= 0.2 * (k + 1) + 1e-9)
 
 
-@pytest.mark.parametrize("worst", range(1, 5))
+@pytest.mark.parametrize("worst", range(5))
 def test_the_worst_piece_counts_wherever_it_is(fig6: RunRecord, worst: int) -> None:
-    """Any piece in which the compliance acts may be the worst; the first, without it, may not."""
+    """Any piece in which the compliance acts may be the worst: all of them."""
     compliant = replace(fig6, scenario=load_scenario("fig8"))
-    peaks = [9.0, 0.1, 0.2, 0.3, 0.4]
+    peaks = [0.05, 0.1, 0.2, 0.3, 0.4]
     peaks[worst] = 0.7
     # Analytic.
     assert vr._largest_ratio(compliant, [1.0] * 5, peaks) == 0.7

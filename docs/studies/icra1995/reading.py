@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from pathlib import Path
 
 import msgspec
 
@@ -11,6 +12,9 @@ from dualbend.control.compliance.admittance import DEG_PER_RAD, MM_PER_M
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from icra1995.row import PAPER
+
+STRIP = {name: str(Path(__file__).with_name(f"strip-{name}.toml")) for name in ("fig6", "fig8")}
+"""Scenarios of the reading that the scan found, on which the others are settings."""
 
 SHEETS: dict[str, tuple[float, float, float]] = {
     "400x20x0.5": (0.4, 0.02, 0.0005),
@@ -51,7 +55,7 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
     low_pass: str
 
     def settings(self, b_factor: float = 1.0) -> list[str]:
-        """Return the ``--set`` arguments that make `fig8` this reading, B times a factor."""
+        """Return the ``--set`` arguments that make Fig. 8 this reading, B times a factor."""
         length, width, thickness = SHEETS[self.sheet]
         hertz, ratio = ROBOTS[self.robot]
         kind, size = FILTERS[self.low_pass]
@@ -68,7 +72,7 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
             f"sheet.length_m={length}",
             f"sheet.width_m={width}",
             f"sheet.thickness_m={thickness}",
-            # What the arms reach: shipped for 0.4 m, the cell's default for 0.6 m.
+            # What the arms reach: the strip's for 0.4 m, the cell's default for 0.6 m.
             f"cell.base_distance_m={1.05 if length < 0.5 else 1.075}",
             *(f"compliance.{name}={value!r}" for name, value in gains.items()),
             *(f'compliance.{axis}.form="{self.form}"' for axis in ("x", "rotation")),
@@ -83,11 +87,11 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
 
     def scenario(self, b_factor: float = 1.0) -> Scenario:
         """Return the scenario of Fig. 8 (or of Fig. 9, with a smaller factor on B)."""
-        return load_scenario("fig8", self.settings(b_factor))
+        return load_scenario(STRIP["fig8"], self.settings(b_factor))
 
     def without_compliance(self, *, exact: bool = False) -> Scenario:
         """Return the scenario of Fig. 6, or of the exact path."""
-        return load_scenario("exact" if exact else "fig6", self.settings()[:4])
+        return load_scenario("exact" if exact else STRIP["fig6"], self.settings()[:4])
 
 
 def readings() -> Iterator[Reading]:

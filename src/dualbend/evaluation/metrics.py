@@ -21,6 +21,17 @@ def bending_rows(result: RunRecord) -> NDArray[np.bool_]:
     return np.asarray(result.trace["phase"] == PHASES.index("bend"))
 
 
+def held_rows(result: RunRecord) -> NDArray[np.bool_]:
+    """Return which rows belong to the second half of the hold after bending (rows,).
+
+    In the first half the arms arrive, and their servos' integral action settles.
+    """
+    held = np.flatnonzero(result.trace["phase"] == PHASES.index("hold"))
+    rows = np.zeros(result.trace.rows, dtype=np.bool_)
+    rows[held[held.size // 2 :]] = True
+    return rows
+
+
 def sensing_column(result: RunRecord, name: str) -> Vector:
     """Return a column of the first sensing arm, e.g. ``true_moment_y`` (rows,)."""
     return result.trace[f"{result.sensing_side}_{name}"]

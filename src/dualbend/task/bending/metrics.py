@@ -9,6 +9,7 @@ from dualbend.evaluation.metrics import (
     bending_rows,
     common_metrics,
     finite,
+    held_rows,
     peak,
     peak_by_piece,
     sensing_column,
@@ -41,13 +42,15 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
     """Return the metrics of a run.
 
     Moments and forces are true ones, of the sheet on the sensing arm about its gripper centre,
-    during bending.
+    during bending. ``mean_moment_hold`` is |mean of M| over the second half of the hold: what is
+    left once the arms stand, without the noise that the reading shakes them with.
     """
     signals, scenario = peaks(result), result.scenario
     bending = bending_rows(result)
-    moment = sensing_column(result, "true_moment_y")[bending]
-    held = result.trace["saturated"][bending] > 0.0
-    found = oscillation_of(moment, COMMAND_PERIOD_S, held)
+    whole = sensing_column(result, "true_moment_y")
+    moment, held = whole[bending], whole[held_rows(result)]
+    at_bounds = result.trace["saturated"][bending] > 0.0
+    found = oscillation_of(moment, COMMAND_PERIOD_S, at_bounds)
 
     def largest(name: str, unit: str) -> Metric:
         return Metric(peak(signals[name]), unit)
@@ -57,6 +60,7 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
         "peak_moment": largest("peak_moment", "N m"),
         "rms_moment": Metric(finite(np.sqrt(np.mean(moment**2))) if moment.size else None, "N m"),
         "peak_moment_by_piece": Metric([finite(p) for p in peak_by_piece(result)], "N m"),
+        "mean_moment_hold": Metric(abs(float(held.mean())) if held.size else None, "N m"),
         "peak_force": largest("peak_force", "N"),
         **{
             name: largest(name, "N" if "force" in name else "N m")

@@ -39,7 +39,7 @@ _PUSH_N, _PUSH_NM = 20.0, 4.0
 
 
 class HeldCell:
-    """The cell of fig6, ``settings`` changed, whose grips are commanded by hand; no compliance.
+    """The cell of ``exact``, ``settings`` changed, grips commanded by hand; no compliance.
 
     It starts in the zero-moment pose of a bending angle. ``dry_friction`` keeps the arm joints'
     Coulomb friction.
@@ -48,7 +48,7 @@ class HeldCell:
     def __init__(
         self, alpha_rad: float, settings: Sequence[str] = (), *, dry_friction: bool = True
     ) -> None:
-        self.scenario = scenario = load_scenario("fig6", settings)
+        self.scenario = scenario = load_scenario("exact", settings)
         length, height = scenario.sheet.length_m, scenario.cell.sheet_height_m
         x, rise = elastica.half_distance(alpha_rad, length), elastica.rise(alpha_rad, length)
         self.pose = np.array([-x, height + rise, alpha_rad])

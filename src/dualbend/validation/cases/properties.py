@@ -40,7 +40,7 @@ _MOMENT_NM, _TORQUE_NM, _PULL_N = 0.05, 0.02, 100.0
 
 
 class FreeSheet:
-    """The sheet of the composed cell of fig6, flat, let go and without weight."""
+    """The sheet of the composed cell of ``exact``, flat, let go and without weight."""
 
     def __init__(self, settings: Sequence[str] = ()) -> None:
         cell = HeldCell(0.0, settings)

@@ -46,8 +46,8 @@ class EndLoads:
 
 
 def default_sheet() -> tuple[Sheet, StripConfig]:
-    """Return the shipped experiment's sheet and how it is divided."""
-    settings = load_scenario("fig6").sheet
+    """Return the sheet of ``exact`` and how it is divided."""
+    settings = load_scenario("exact").sheet
     return settings.sheet(), settings.strips
 
 

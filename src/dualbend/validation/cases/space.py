@@ -29,6 +29,7 @@ from dualbend.validation.cases.ideal_grips import (
     roll_right_grip,
     start_on_elastica,
 )
+from dualbend.validation.cases.runs import LINEAR
 from dualbend.validation.cases.sheet import default_sheet
 from dualbend.validation.row import Row, relative, worst
 
@@ -109,9 +110,9 @@ def twist_rows() -> Iterator[Row]:
 
 
 def misaligned_run(*settings: str) -> RunRecord:
-    """Run the shipped experiment with errors of the right grip."""
+    """Bend the sheet of ``exact`` on linear pieces, with errors of the right grip."""
     changes = [f"task.misalignment.right.{setting}" for setting in settings]
-    return BendingRun(load_scenario("fig6", changes)).run()
+    return BendingRun(load_scenario("exact", [*LINEAR, *changes])).run()
 
 
 def edge_grips(result: RunRecord, row: int, place: str = "edge") -> tuple[SpaceGrip, SpaceGrip]:

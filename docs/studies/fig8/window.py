@@ -1,0 +1,196 @@
+"""Runs of the window: peaks of each piece and the mean moment of the hold, over those of fig6."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from dualbend.errors import InputError
+from dualbend.evaluation.metrics import versions
+from dualbend.run.make import make_run
+from dualbend.run.record import RunRecord
+from dualbend.scenario.load import load_scenario
+from dualbend.study.engine import Study
+from dualbend.study.folder import StudyFolder
+from dualbend.study.processes import in_processes
+from dualbend.table import Table
+from fig8.changes import CHANGES, CONTROLLED, NOMINAL, Change
+from fig8.constant import Constants
+
+Case = Literal["fig6", "fig8", "B halved", "one constant", "a constant per piece"]
+COMPLYING: tuple[Case, ...] = ("fig8", "B halved")
+CONTROLS: tuple[Case, ...] = ("one constant", "a constant per piece")
+_HALVED = ("compliance.rotation.b=0.25",)
+
+SEEDS_LIMIT, HOLD_LIMIT = 0.72, 0.65
+"""What the median over the seeds may be of the worst piece and of the hold, over fig6."""
+
+Key = tuple[tuple[str, ...], Case, int]
+"""Settings, case, seed."""
+
+
+class Ran(msgspec.Struct, frozen=True, kw_only=True):
+    """One run: largest |moment| of each piece [N m], |mean moment| of the hold's second half.
+
+    ``ended``: outcome, or why it was refused; then, and where it stopped, numbers may be missing.
+    """
+
+    settings: tuple[str, ...]
+    case: Case
+    seed: int
+    ended: str
+    pieces_nm: tuple[float | None, ...] = ()
+    hold_nm: float | None = None
+
+    @property
+    def key(self) -> Key:
+        """What the run is of."""
+        return self.settings, self.case, self.seed
+
+
+def run_one(settings: tuple[str, ...], case: Case, seed: int) -> Ran:
+    """Make one run."""
+    try:
+        result = _run(settings, case, seed)
+    except InputError as error:
+        return Ran(settings=settings, case=case, seed=seed, ended=f"refused: {error}")
+    pieces, hold = (
+        result.metrics[name].value for name in ("peak_moment_by_piece", "mean_moment_hold")
+    )
+    assert isinstance(pieces, list)
+    assert not isinstance(hold, list)
+    return Ran(
+        settings=settings,
+        case=case,
+        seed=seed,
+        ended=result.outcome,
+        pieces_nm=tuple(pieces),
+        hold_nm=hold,
+    )
+
+
+def _run(settings: tuple[str, ...], case: Case, seed: int) -> RunRecord:
+    if case in CONTROLS:
+        # The means of the run without a change: a constant cannot know of one.
+        unchanged = make_run(load_scenario("fig8", seed=seed)).run()
+        constants = Constants.of(unchanged, one=case == CONTROLS[0])
+        scenario = load_scenario("fig6", settings, seed)
+        return make_run(scenario, compliance=lambda _: constants).run()
+    name = "fig6" if case == "fig6" else "fig8"
+    halved = _HALVED if case == "B halved" else ()
+    return make_run(load_scenario(name, [*settings, *halved], seed)).run()
+
+
+def design(changes: Sequence[Change], controlled: Sequence[Change], seeds: int) -> Iterator[Key]:
+    """Yield every run: changes with seed 1, the controls, then no change with other seeds."""
+    own: tuple[Case, ...] = ("fig6", *COMPLYING)
+    for change in dict.fromkeys((*changes, *controlled)):
+        yield from ((change.settings, case, 1) for case in own)
+    for change in controlled:
+        yield from ((change.settings, case, 1) for case in CONTROLS)
+    for seed in range(2, seeds + 1):
+        yield from ((NOMINAL.settings, case, seed) for case in own)
+
+
+def run_window(
+    folder: Path,
+    *,
+    seeds: int,
+    workers: int | None = None,
+    changes: Sequence[Change] = CHANGES,
+    controlled: Sequence[Change] = CONTROLLED,
+    on_run: Callable[[int, int, Ran | None], None] = lambda *_: None,
+) -> dict[Key, Ran]:
+    """Make the runs that the folder does not have yet; return all, by what they are of.
+
+    Raises InputError where the folder is another study's or cannot be used.
+    """
+    study = Study(
+        design=list(design(changes, controlled, seeds)),
+        task=lambda key: key,
+        run_one=run_one,
+        key=lambda row: row.key,
+    )
+    scenarios = {name: load_scenario(name).to_toml() for name in ("fig6", "fig8")}
+    kept = StudyFolder(folder=folder, row=Ran, study={"versions": versions(), **scenarios})
+    return {row.key: row for row in study.run(in_processes(workers), kept, on_run)}
+
+
+class Ratio(msgspec.Struct, frozen=True):
+    """A run over ``fig6`` changed alike: peaks of the pieces, mean of the hold, or why not."""
+
+    pieces: tuple[float, ...] = ()
+    hold: float | None = None
+    why_not: str = ""
+
+    @property
+    def worst(self) -> float | None:
+        """The ratio of the worst piece."""
+        return max(self.pieces, default=None)
+
+
+def ratio(runs: dict[Key, Ran], change: Change, case: Case, seed: int = 1) -> Ratio:
+    """Return a case over ``fig6`` with the same change and seed."""
+    before, after = (runs[change.settings, which, seed] for which in ("fig6", case))
+    for run in (before, after):
+        if run.ended != "completed":
+            return Ratio(why_not=f"{run.case}: {run.ended}")
+    both = zip(after.pieces_nm, before.pieces_nm, strict=True)
+    pieces = [a / b for a, b in both if a is not None and b]
+    held = after.hold_nm / before.hold_nm if after.hold_nm and before.hold_nm else None
+    return Ratio(tuple(pieces), held)
+
+
+def window_table(runs: dict[Key, Ran], seeds: int, changes: Sequence[Change] = CHANGES) -> Table:
+    """Return the worst piece and the hold of each change; what does not hold is in bold."""
+    headings = ["change"]
+    for case in COMPLYING:
+        headings += [f"{case}: pieces", "worst", "hold"]
+    rows: list[list[object]] = []
+    for change in changes:
+        row: list[object] = [change.name]
+        for case in COMPLYING:
+            row += _cells(ratio(runs, change, case), change.limit, gated=case == "fig8")
+        rows.append(row)
+    median: list[object] = [f"median of seeds 1-{seeds}"]
+    for case in COMPLYING:
+        median += _cells(_median(runs, case, seeds), SEEDS_LIMIT, gated=case == "fig8")
+    return Table(headings, [*rows, median])
+
+
+def control_table(runs: dict[Key, Ran], changes: Sequence[Change]) -> Table:
+    """Return feedback beside constants: ratios of each piece and of the hold."""
+    rows = [
+        [change.name, case, *_cells(ratio(runs, change, case), change.limit, gated=False)]
+        for change in changes
+        for case in ("fig8", *CONTROLS)
+    ]
+    return Table(("change", "what turns the grips", "pieces", "worst", "hold"), rows)
+
+
+def _median(runs: dict[Key, Ran], case: Case, seeds: int) -> Ratio:
+    """Return the median over the seeds of each ratio; the worst piece is that of the medians."""
+    found = [ratio(runs, NOMINAL, case, seed) for seed in range(1, seeds + 1)]
+    for one in found:
+        if one.why_not:
+            return one
+    pieces = tuple(map(statistics.median, zip(*(one.pieces for one in found), strict=True)))
+    holds = [one.hold for one in found if one.hold is not None]
+    return Ratio(pieces, statistics.median(holds) if holds else None)
+
+
+def _cells(found: Ratio, limit: float, *, gated: bool) -> list[str]:
+    if found.why_not:
+        return [found.why_not, "-", "-"]
+
+    def said(value: float | None, most: float) -> str:
+        if value is None:
+            return "-"
+        return f"**{value:.2f}**" if gated and value > most else f"{value:.2f}"
+
+    pieces = " ".join(f"{value:.2f}" for value in found.pieces)
+    return [pieces, said(found.worst, limit), said(found.hold, HOLD_LIMIT)]
