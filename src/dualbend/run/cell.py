@@ -49,12 +49,7 @@ class RobotCell:
             else ShellModel(model, self.sheet, config.model),
             latency_steps=scenario.sensor.latency_steps(step_s),
         )
-        self.integral = IntegralAction(
-            scenario.robot.servo.integral,
-            stiffness=self.servo.stiffness,
-            torque_limit=self.simulation.torque_limit,
-            period_s=COMMAND_PERIOD_S,
-        )
+        self.integral = make_integral(scenario, robots)
         self.response = CommandResponse(
             scenario.robot.response,
             len(self.home),
@@ -131,4 +126,14 @@ def make_servo(scenario: Scenario, robots: mujoco.MjModel, home: Vector) -> Join
         viscous_friction=robots.dof_damping.copy().ravel(),
         coulomb_friction=robots.dof_frictionloss.copy().ravel(),
         damping_ratio=scenario.robot.servo.damping_ratio,
+    )
+
+
+def make_integral(scenario: Scenario, robots: mujoco.MjModel) -> IntegralAction:
+    """Return the integral action of all joints' servos."""
+    return IntegralAction(
+        scenario.robot.servo.integral,
+        stiffness=joint_stiffness(scenario),
+        torque_limit=robots.jnt_actfrcrange[:, 1],
+        period_s=COMMAND_PERIOD_S,
     )
