@@ -55,6 +55,7 @@ def one_joint(integral_gain: float = 0.0) -> tuple[CompliantArm, JointServo]:
         feed_forward=np.array([0.15]),
         jacobian=turn,
         setpoint=turn.T,
+        dry_friction=np.array([4.0]),
         integral_gain=integral_gain,
     )
     sheet, tool = np.diag([0.0, 0.0, SHEET_K]), np.diag([0.0, 0.0, TOOL])
@@ -207,3 +208,9 @@ def test_joints_that_nothing_moves_are_left_to_their_friction() -> None:
         arm.deviation_jacobian,
         atol=1e-9,
     )
+
+
+def test_a_joint_that_rubs_is_read_behind_its_set_point() -> None:
+    arm, _ = one_joint()
+    # Analytic: 4 N m on the servo's spring, and one joint that turns the grip by its own angle.
+    assert arm.friction_lag() == pytest.approx([0.0, 4.0 / SERVO_K])

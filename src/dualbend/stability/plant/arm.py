@@ -33,6 +33,7 @@ class Joints:
     servo [N m/rad, N m s/rad, kg m²], the damping with the joint's viscous friction; ``jacobian``
     (3, n) to the grip's x, z, α; ``setpoint`` (n, 3): what a commanded x, z, α asks of the joints.
     A joint that nothing moves is held by its dry friction and is not among them.
+    ``dry_friction`` (n,): Coulomb friction [N m], of which the servos feed most forward.
     ``integral_gain``: k_i T of the servos' integral action [-]; 0: none.
     """
 
@@ -42,6 +43,7 @@ class Joints:
     feed_forward: Vector
     jacobian: Vector
     setpoint: Vector
+    dry_friction: Vector
     integral_gain: float = 0.0
 
 
@@ -60,6 +62,19 @@ class CompliantArm:
     mass: Vector
     stiffness_read: Vector
     mass_read: Vector
+
+    def friction_lag(self) -> Vector:
+        """Return by how much less δx [m] and δα [rad] (2,) is read because of dry friction.
+
+        A joint whose friction T_c is not fed forward is T_c/K behind its set-point. What the sensor
+        reads of that is S J K⁻¹ T_c sign(q̇); over what it reads of a deviation it is h. Below 0 the
+        reading is that of a grip ahead.
+        """
+        asked = self.joints.setpoint @ self.deviation_jacobian
+        back = (self.joints.dry_friction / self.joints.stiffness)[:, np.newaxis] * np.sign(asked)
+        read = np.diag(self.stiffness_read @ self.joints.jacobian @ back)
+        own = np.diag(self.stiffness_read @ self.deviation_jacobian)
+        return np.divide(read, own, out=np.zeros(2), where=own != 0.0)
 
     def cycle(
         self, response: CommandResponse, age_steps: int, acting: tuple[bool, bool]

@@ -42,7 +42,7 @@ class PosedArm(ArmCompliance):
         unit += 1.0
         fed = servo.setpoint(nothing, nothing, unit) * servo.stiffness
         self._feed_forward = fed[: self._n]
-        self._rubs = self._model.dof_frictionloss.ravel()[: self._n] > 0.0
+        self._friction = self._model.dof_frictionloss.ravel()[: self._n]
         viscous = self._model.dof_damping.ravel()
         self._damping = (servo.damping + viscous)[: self._n]
 
@@ -69,7 +69,7 @@ class PosedArm(ArmCompliance):
         mujoco.mj_fullM(self._model, self._data, mass)
         setpoint = self._setpoint()
         # Without dry friction nothing holds a joint but its servo.
-        moved = (np.abs(setpoint).max(axis=1) > _MOVED) | ~self._rubs
+        moved = (np.abs(setpoint).max(axis=1) > _MOVED) | (self._friction == 0.0)
         return Joints(
             mass=mass[: self._n, : self._n][np.ix_(moved, moved)],
             stiffness=self._stiffness[moved],
@@ -78,4 +78,5 @@ class PosedArm(ArmCompliance):
             jacobian=self._jacobian[PLANE, :][:, moved],
             setpoint=setpoint[moved],
             integral_gain=self._integral_gain,
+            dry_friction=self._friction[moved],
         )
