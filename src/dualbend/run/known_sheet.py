@@ -139,9 +139,7 @@ def _known_sheet(
     end_rad: float,
     lever_arm_m: float,
 ) -> KnownSheet:
-    sheet, arm = sheet_config.sheet(), ArmCompliance(
-        pair, stiffness, grasp, integrates=integrates
-    )
+    sheet, arm = sheet_config.sheet(), ArmCompliance(pair, stiffness, grasp, integrates=integrates)
     sensors, movers = sides
     sensing = SIDES.index(next(side for side in SIDES if side in sensors))
     arms_share = max(len(movers), 1)

@@ -35,9 +35,9 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     not the path's pose. ``jitter_cycles``: by how many cycles commands may be late, in any order;
     sufficient, and 0 of an unstable loop. ``hunting_*``: the grip's amplitude at which dry
     friction of which nothing is fed forward keeps a stable loop moving, in proportion smaller where
-    more is; of each axis by itself. ``paper_*``: (23), continuous without delay; ``delayed_*``: continuous with
-    the dead time and the true static compliance; both of each axis by itself, the worse one where
-    axes are coupled.
+    more is; of each axis by itself. ``paper_*``: (23), continuous without delay; ``delayed_*``:
+    continuous with the dead time and the true static compliance; both of each axis by itself, the
+    worse one where axes are coupled.
     """
 
     alpha_rad: float
