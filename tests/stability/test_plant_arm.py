@@ -10,7 +10,7 @@ import pytest
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponse, CommandResponseConfig
-from dualbend.control.servo import JointServo
+from dualbend.control.servo import IntegralAction, IntegralConfig, JointServo
 from dualbend.scenario.load import load_scenario
 from dualbend.stability.plant.arm import CompliantArm, Joints
 from dualbend.stability.plant.environment import environments
@@ -31,7 +31,15 @@ MODEL = f"""
 """
 
 
-def one_joint() -> tuple[CompliantArm, JointServo]:
+INTEGRAL = IntegralAction(
+    IntegralConfig(),
+    stiffness=np.array([SERVO_K]),
+    torque_limit=np.array([1e9]),
+    period_s=COMMAND_PERIOD_S,
+)
+
+
+def one_joint(integral_gain: float = 0.0) -> tuple[CompliantArm, JointServo]:
     """Return one hinge about y that turns the grip by its own angle, on a spring for a sheet."""
     servo = JointServo(
         stiffness=np.array([SERVO_K]),
@@ -48,6 +56,8 @@ def one_joint() -> tuple[CompliantArm, JointServo]:
         feed_forward=np.array([0.15]),
         jacobian=turn,
         setpoint=turn.T,
+        dry_friction=np.array([4.0]),
+        integral_gain=integral_gain,
     )
     sheet, tool = np.diag([0.0, 0.0, SHEET_K]), np.diag([0.0, 0.0, TOOL])
     rows = [0, 2]
@@ -62,33 +72,81 @@ def one_joint() -> tuple[CompliantArm, JointServo]:
     return arm, servo
 
 
+@pytest.mark.parametrize("integrates", [False, True])
 @pytest.mark.parametrize("age", [1, 6, STEPS, STEPS + 3])
-def test_the_cycle_is_what_mujoco_steps(age: int) -> None:
-    arm, servo = one_joint()
+def test_the_cycle_is_what_mujoco_steps(age: int, integrates: bool) -> None:
+    arm, servo = one_joint(INTEGRAL.gain if integrates else 0.0)
     response = CommandResponse(CommandResponseConfig(), 1, STEPS, period_s=COMMAND_PERIOD_S)
     cycle, cycles = arm.cycle(response, age, (False, True))
     model = mujoco.MjModel.from_xml_string(MODEL.replace("DAMPING", str(servo.damping[0])))
     data = mujoco.MjData(model)
     setpoints = 0.1 * np.random.default_rng(2).normal(size=30)
     response.reset(0.0)
+    INTEGRAL.reset()
+    offset = np.zeros(1)
     wrenches = [0.0] * (age + 1)
     state = np.zeros(cycle.a.shape[0])
     found, expected = [], []
     for setpoint in setpoints:
         found.append((cycle.c @ state + cycle.d[:, 0] * setpoint)[0])
         state = cycle.a @ state + cycle.b[:, 0] * setpoint
+        if integrates:
+            offset = INTEGRAL.update(response.position - data.qpos)
         # Of the wrenches at the ends of the steps, the one that is `age` steps old next time.
         reference = response.update(np.array([setpoint]))
         for row in servo.setpoint(reference.position, reference.velocity, reference.acceleration):
             before = data.qvel[0]
-            data.ctrl[:] = row
+            data.ctrl[:] = row + offset
             mujoco.mj_step(model, data)
             acceleration = (data.qvel[0] - before) / model.opt.timestep
             wrenches.append(-SHEET_K * data.qpos[0] - TOOL * acceleration)
         expected.append(wrenches[len(wrenches) - age + (cycles - 1) * STEPS])
     # Rounding only: backward Euler on both sides.
     np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
-    assert state[-2] == pytest.approx(data.qpos[0], abs=1e-12)
+    assert state[3] == pytest.approx(data.qpos[0], abs=1e-12)
+    assert state[5:] == pytest.approx(offset if integrates else [], abs=1e-12)
+
+
+def test_integral_action_takes_a_steady_load_off_the_joint() -> None:
+    response = CommandResponse(CommandResponseConfig(), 1, STEPS, period_s=COMMAND_PERIOD_S)
+    share = SERVO_K / (SERVO_K + SHEET_K)
+    for gain in (0.0, 0.02):
+        cycle, _ = one_joint(gain)[0].cycle(response, 1, (False, True))
+        size = cycle.a.shape[0]
+        rest = np.linalg.solve(np.eye(size) - cycle.a, cycle.b[:, 0])
+        # Analytic: two springs, the servo's and the sheet's, or the servo's has no end.
+        assert rest[3] == pytest.approx(1.0 if gain else share, rel=1e-9)
+        if gain:
+            # Analytic: z ← z − k_i T K/(K + S) z, where the joint is far quicker than that.
+            slowest = max(abs(np.linalg.eigvals(cycle.a)))
+            assert 1.0 - slowest == pytest.approx(gain * share, rel=0.01)
+
+
+def test_a_vanishing_integral_is_none() -> None:
+    elements = LoopElements.from_scenario(load_scenario("fig9"))
+    (at,) = environments(load_scenario("fig9"), [0.3])
+    arm = at.arms["single"]
+
+    def growth(gain: float) -> float:
+        mover = replace(arm, joints=replace(arm.joints, integral_gain=gain))
+        return (
+            SampledLoop(elements, at.loops["single"], (True, True), arm=mover).mode().growth_per_s
+        )
+
+    # Analytic: what it changes is proportional to a small gain.
+    changes = [growth(gain) - growth(0.0) for gain in (1e-5, 2e-5)]
+    assert abs(changes[1]) < 1e-3
+    assert changes[1] == pytest.approx(2.0 * changes[0], rel=1e-3)
+
+
+def test_both_modes_of_two_arms_have_the_servos_integral() -> None:
+    both = ['compliance.sensing=["left","right"]', 'compliance.complying=["left","right"]']
+    with_it = [*both, "robot.servo.integral.rate_per_s=10"]
+    (plain,), (at,) = (environments(load_scenario("fig9", sets), [0.3]) for sets in (both, with_it))
+    assert set(at.arms) == {"symmetric", "antisymmetric"}
+    # Analytic: 10 1/s of 28 ms.
+    assert [arm.joints.integral_gain for arm in at.arms.values()] == pytest.approx([0.28, 0.28])
+    assert all(arm.joints.integral_gain == 0.0 for arm in plain.arms.values())
 
 
 def test_a_stiff_arm_in_small_steps_does_what_the_response_says() -> None:
@@ -151,3 +209,9 @@ def test_joints_that_nothing_moves_are_left_to_their_friction() -> None:
         arm.deviation_jacobian,
         atol=1e-9,
     )
+
+
+def test_a_joint_that_rubs_is_read_behind_its_set_point() -> None:
+    arm, _ = one_joint()
+    # Analytic: 4 N m on the servo's spring, and one joint that turns the grip by its own angle.
+    assert arm.friction_lag() == pytest.approx([0.0, 4.0 / SERVO_K])

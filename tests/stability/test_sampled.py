@@ -21,7 +21,13 @@ from dualbend.control.filters import FirConfig, IirConfig, LowPass, LowPassConfi
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
-from dualbend.stability.margins import loop_margins
+from dualbend.stability.margins import (
+    Z_INVERSE,
+    hunting_amplitude,
+    jitter_cycles,
+    late_cycles,
+    loop_margins,
+)
 from dualbend.stability.mode import describe_mode
 from dualbend.stability.sampled import LoopElements, SampledLoop
 from support.state_space import simulate
@@ -67,22 +73,33 @@ NO_TOOL = np.zeros((2, 2))
 
 
 def stream(
-    parts: LoopElements, stiffness: Vector, disturbance: Vector, inertia: Vector = NO_TOOL
+    parts: LoopElements,
+    stiffness: Vector,
+    disturbance: Vector,
+    inertia: Vector = NO_TOOL,
+    behind: float = 0.0,
+    late: NDArray[np.int64] | None = None,
 ) -> Vector:
-    """Run the loop's own objects around a linear spring, with an aged reading of the position."""
+    """Run the loop's own objects around a linear spring, with an aged reading of the position.
+
+    What is read is ``behind`` in its direction of motion; ``late``: how many cycles ago the command
+    was made that each cycle executes.
+    """
     response = CommandResponse(parts.response.config, 2, STEPS, period_s=COMMAND_PERIOD_S)
     low_pass = LowPass(parts.low_pass.config, 2, period_s=COMMAND_PERIOD_S)
     delay = TransportDelay(parts.delay.cycles, 2)
     admittance = Admittance(parts.admittance.config, period_s=COMMAND_PERIOD_S)
-    positions = [np.zeros(2)] * (1 + parts.age_steps)
+    positions = [np.zeros(2)] * (2 + parts.age_steps)
     accelerations = list(positions)
     out = []
     for wrench in disturbance:
         at = -1 - parts.age_steps
-        reading = wrench - stiffness @ positions[at] - inertia @ accelerations[at]
+        moved = positions[at] - behind * np.sign(positions[at] - positions[at - 1])
+        reading = wrench - stiffness @ moved - inertia @ accelerations[at]
         deviation = admittance.update(low_pass.update(reading), 1.0)
         out.append(deviation)
-        reference = response.update(delay.update(deviation))
+        sent = deviation if late is None else out[-1 - min(late[len(out) - 1], len(out) - 1)]
+        reference = response.update(delay.update(sent))
         positions.extend(reference.position)
         accelerations.extend(reference.acceleration)
     return np.array(out)
@@ -257,3 +274,53 @@ def test_bad_input_is_refused() -> None:
         SampledLoop(elements(), np.eye(3))
     with pytest.raises(InputError, match=r"compliance\.x is off"):
         LoopElements.from_scenario(load_scenario(STRIP6)).axis("x")
+
+
+def test_of_an_integrator_the_jitter_that_it_bears_is_known() -> None:
+    z_inverse = Z_INVERSE[1:]
+    for gain in (0.1, 0.5, 1.2):
+        loop = (gain * z_inverse / (1.0 - z_inverse))[:, np.newaxis, np.newaxis]
+        # Analytic: (1 − z⁻¹) T = g z⁻¹ (1 − z⁻¹)/(1 − (1 − g) z⁻¹), largest at z = −1.
+        found = late_cycles(loop, z_inverse)
+        assert found == pytest.approx((2.0 - gain) / (2.0 * gain), rel=1e-6)
+    both = np.array([[0.5, 0.2], [0.3, 0.4]]) * loop
+    units = np.diag([1.0, 1e3])
+    # Analytic: it does not depend on the axes' units.
+    other = units @ both @ np.linalg.inv(units)
+    assert late_cycles(other, z_inverse) == pytest.approx(late_cycles(both, z_inverse), rel=1e-9)
+    apart = np.diag([0.5, 0.0]) * loop
+    assert late_cycles(apart, z_inverse) == pytest.approx(late_cycles(0.5 * loop, z_inverse))
+
+
+def test_a_loop_bears_the_jitter_that_is_said() -> None:
+    parts = elements(delay=2, age=3)
+    stiffness = np.diag([0.35 * largest_stiffness(parts), 0.0])
+    loop = SampledLoop(parts, stiffness, (True, False))
+    most = int(jitter_cycles(loop))
+    # Sufficient only: what a constant delay may be more is at least as much.
+    assert 1 <= most <= loop_margins(loop, stable=True).delay_s / COMMAND_PERIOD_S
+    push = np.zeros((600, 2))
+    push[0, 0] = 1.0
+    for seed in range(5):
+        late = np.random.default_rng(seed).integers(0, most, 600, endpoint=True)
+        streamed = np.abs(stream(parts, stiffness, push, late=late)[:, 0])
+        assert streamed[-100:].max() < 1e-6 * streamed.max()
+
+
+@pytest.mark.parametrize("part", [0.4, 0.7, 0.9])
+def test_friction_keeps_a_stable_loop_moving_as_far_as_is_said(part: float) -> None:
+    parts, behind = elements(delay=2, age=3), 1e-3
+    stiffness = np.diag([part * largest_stiffness(parts), 0.0])
+    loop = SampledLoop(parts, stiffness, (True, False))
+    push = np.zeros((1200, 2))
+    push[0, 0] = 5.0
+    swings = stream(parts, stiffness, push, behind=behind)[-300:, 0]
+    still = stream(parts, stiffness, push)[-300:, 0]
+    hz = np.count_nonzero(np.diff(np.sign(swings - swings.mean()))) / (2 * 299 * COMMAND_PERIOD_S)
+    omega, natural = 2 * math.pi * hz, 2 * math.pi * PAPER_ROBOT.natural_frequency_hz
+    passed = natural**2 / abs(natural**2 - omega**2 + 25.0j * omega)
+    # A describing function: the harmonics are left out.
+    amplitude = passed * math.sqrt(2.0) * swings.std()
+    assert hunting_amplitude(loop, behind) == pytest.approx(amplitude, rel=0.1)
+    assert np.ptp(still) < 1e-3 * np.ptp(swings)
+    assert hunting_amplitude(loop, 0.0) == 0.0

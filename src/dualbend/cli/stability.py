@@ -167,9 +167,30 @@ def _show_prediction(prediction: Prediction) -> None:
         )
     softened = max(row.softening_x for row in prediction.rows)
     click.echo(f"arms and grasps lower the stiffness along x by up to {100 * softened:.1f} %")
+    for line in _imperfect(prediction.rows):
+        click.echo(line)
     for low, high in prediction.unstable_rad:
         click.echo(f"predicted unstable from {low:.2f} to {high:.2f} rad")
     click.echo(f"{prediction.scenario}: {prediction.verdict} ({prediction.reason})")
+
+
+def _imperfect(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield what late commands and wrong friction do to a stable loop."""
+    stable = [row for row in rows if row.stable]
+    if not stable:
+        return
+    late = min(row.jitter_cycles for row in stable)
+    yield f"where stable it stays so with commands up to {late:.1f} cycles late, in any order"
+    x, rotation = (
+        1e3 * max(getattr(row, key) for row in stable) / 10.0
+        for key in ("hunting_x_m", "hunting_rotation_rad")
+    )
+    parts = [f"{x:.2g} mm"] * (x > 0.0) + [f"{rotation:.2g} mrad"] * (rotation > 0.0)
+    if parts:
+        yield (
+            f"where a tenth of the dry friction is fed forward wrongly it hunts by up to "
+            f"{' and '.join(parts)}"
+        )
 
 
 def _table(rows: Sequence[Row]) -> str:

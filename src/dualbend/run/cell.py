@@ -60,12 +60,7 @@ class RobotCell:
         if errors.stiction_excess:
             self._friction = Stribeck(errors, model, simulation.data, simulation.dofs)
             simulation.on_step.append(self._friction.on_step)
-        self.integral = IntegralAction(
-            scenario.robot.servo.integral,
-            stiffness=self.servo.stiffness,
-            torque_limit=self.simulation.torque_limit,
-            period_s=COMMAND_PERIOD_S,
-        )
+        self.integral = make_integral(scenario, robots)
         self.response = CommandResponse(
             scenario.robot.response,
             len(self.home),
@@ -165,4 +160,14 @@ def make_servo(scenario: Scenario, robots: mujoco.MjModel, home: Vector) -> Join
         viscous_friction=robots.dof_damping.copy().ravel(),
         coulomb_friction=robots.dof_frictionloss.copy().ravel(),
         damping_ratio=scenario.robot.servo.damping_ratio,
+    )
+
+
+def make_integral(scenario: Scenario, robots: mujoco.MjModel) -> IntegralAction:
+    """Return the integral action of all joints' servos."""
+    return IntegralAction(
+        scenario.robot.servo.integral,
+        stiffness=joint_stiffness(scenario),
+        torque_limit=robots.jnt_actfrcrange[:, 1],
+        period_s=COMMAND_PERIOD_S,
     )

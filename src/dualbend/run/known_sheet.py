@@ -115,6 +115,7 @@ def known_sheet(scenario: Scenario) -> KnownSheet:
         scenario.cell,
         one_kind(arm_pair(scenario), "a model in the compliance"),
         tuple(joint_stiffness(scenario).tolist()),
+        scenario.robot.servo.integral is not None,
         scenario.grasp,
         (scenario.compliance.sensing, scenario.compliance.complying),
         scenario.robot.alter,
@@ -130,6 +131,7 @@ def _known_sheet(
     cell: CellConfig,
     pair: ArmPair,
     stiffness: tuple[float, ...],
+    integrates: bool,
     grasp: GraspConfig,
     sides: tuple[tuple[Side, ...], tuple[Side, ...]],
     alter: AlterConfig,
@@ -137,7 +139,7 @@ def _known_sheet(
     end_rad: float,
     lever_arm_m: float,
 ) -> KnownSheet:
-    sheet, arm = sheet_config.sheet(), ArmCompliance(pair, stiffness, grasp)
+    sheet, arm = sheet_config.sheet(), ArmCompliance(pair, stiffness, grasp, integrates=integrates)
     sensors, movers = sides
     sensing = SIDES.index(next(side for side in SIDES if side in sensors))
     arms_share = max(len(movers), 1)
@@ -154,7 +156,7 @@ def _known_sheet(
         rise = elastica.rise(alpha, sheet.length_m)
         arm.move(np.array([-half_distance, cell.sheet_height_m + rise, alpha]))
         coupling = Coupling.between(sensors, movers, deviation_angle(alter.mode, alpha, start_rad))
-        compliance = coupling.arm_compliance(arm.compliance, arm.grasp)
+        compliance = coupling.arm_compliance(arm.rest_compliance, arm.grasp)
         series = series_stiffness(sheet_tangent(state), compliance)
         response = wrench_response(series, sensing, coupling.source)
         squeeze = float(compliance[0, 0] + compliance[3, 3])

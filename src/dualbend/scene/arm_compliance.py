@@ -29,15 +29,20 @@ class ArmCompliance:
         Of the servos of all joints [N m/rad].
     grasp
         The pads.
+    integrates
+        The servos have integral action: under a steady load the joints stand where they were sent.
     """
 
-    def __init__(self, arms: ArmPair, stiffness: ArrayLike, grasp: GraspConfig) -> None:
+    def __init__(
+        self, arms: ArmPair, stiffness: ArrayLike, grasp: GraspConfig, *, integrates: bool
+    ) -> None:
         self._model = robots_only(arms).compile()
         self._data = mujoco.MjData(self._model)
         self._ik = InverseKinematics(self._model, arms.home)
         self._q = self._home = arms.home
         self._left = arms.joints("left")
         self._stiffness = np.asarray(stiffness, dtype=np.float64)[self._left]
+        self._integrates = integrates
         self._site = self._model.site(f"{SIDES[0]}_{GRIP_SITE}").id
         self.grasp = grasp_compliance(
             grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad
@@ -57,8 +62,16 @@ class ArmCompliance:
 
     @property
     def compliance(self) -> Vector:
-        """Compliance of the joints at the grip (3, 3) in x, z, α [m/N, rad/(N m)]."""
+        """Compliance of the joints at the grip (3, 3) in x, z, α [m/N, rad/(N m)].
+
+        It is that of loads which change faster than an integral action follows.
+        """
         return endpoint_compliance(self._jacobian[PLANE, :], self._stiffness)
+
+    @property
+    def rest_compliance(self) -> Vector:
+        """Compliance of the joints at the grip (3, 3) under a steady load."""
+        return self.compliance * float(not self._integrates)
 
     @property
     def tool_inertia(self) -> Vector:

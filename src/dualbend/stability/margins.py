@@ -49,6 +49,46 @@ def loop_margins(loop: SampledLoop, *, stable: bool) -> Margins:
     return margins(FREQUENCIES_HZ, eigenloci(loop.open_loop(Z_INVERSE)), stable=stable)
 
 
+def jitter_cycles(loop: SampledLoop) -> float:
+    """Return by how many cycles a stable loop's commands may be late, in any order."""
+    return late_cycles(loop.open_loop(Z_INVERSE), Z_INVERSE)
+
+
+def late_cycles(gains: ComplexVector, z_inverse: ComplexVector) -> float:
+    """Return 1/max |(1 − z⁻¹) T|, T = L (I + L)⁻¹, of a loop L (n, m, m), m ≤ 2.
+
+    A delay that wanders between 0 and N cycles changes the deviation by at most N times its change
+    over one cycle, so that a loop stays stable while N |(1 − z⁻¹) T| < 1: sufficient, not
+    necessary. It holds in any units of the axes; taken are those in which they act on each other
+    alike.
+
+    Source: Kao and Lincoln, Automatica 40 (2004) 1429, in discrete time.
+    """
+    closed = gains @ np.linalg.inv(np.eye(gains.shape[1]) + gains)
+    if gains.shape[1] == 2:
+        across = np.abs(closed).max(axis=0) + np.finfo(np.float64).tiny
+        unit = math.sqrt(across[0, 1] / across[1, 0])
+        closed = closed * np.array([[1.0, 1.0 / unit], [unit, 1.0]])
+    change = np.abs(1.0 - z_inverse) * np.linalg.norm(closed, ord=2, axis=(1, 2))
+    return 1.0 / float(change.max())
+
+
+def hunting_amplitude(loop: SampledLoop, lag: float) -> float:
+    """Return the amplitude of the grip at which one axis goes on oscillating because of friction.
+
+    What is read is that of a grip which is h behind in its direction of motion, x − h sign(ẋ). Of
+    an amplitude A that is 1 − j 4h/(πA), the describing function of a relay, so that the loop hunts
+    where −1/L = 1 − j 4h/(πA). 0: nowhere; near the onset it has no bound. The deviation is larger
+    by what the robot's response leaves of it.
+
+    Source: Gelb and Vander Velde, Multiple-Input Describing Functions (1968), section 2.3.
+    """
+    inverse = -1.0 / loop.open_loop(Z_INVERSE[1:])[:, 0, 0]
+    missing = -_between(inverse.imag, *_crossings(inverse.real - 1.0)).real
+    least = float(missing.min(initial=math.inf, where=missing > 0.0))
+    return 4.0 * lag / (math.pi * least)
+
+
 def eigenloci(gains: ComplexVector) -> ComplexVector:
     """Return the eigenvalues (n, m) of L (n, m, m), m ≤ 2, each column continuous."""
     if gains.shape[1] == 1:

@@ -14,7 +14,7 @@ import numpy as np
 from dualbend.mechanics.coupling import ModeName
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.continuous import delayed_loop, paper_loop
-from dualbend.stability.margins import loop_margins
+from dualbend.stability.margins import hunting_amplitude, jitter_cycles, loop_margins
 from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.sampled import AxisName, LoopElements, environment_loops
 
@@ -23,6 +23,8 @@ STEP_RAD = 0.05
 
 SINGLE_AXES: tuple[Literal["x", "rotation"], ...] = ("x", "rotation")
 
+_ALONE = {"x": (True, False), "rotation": (False, True)}
+
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
     """The loop at one bending angle; null in JSON is an infinite margin or what does not apply.
@@ -30,9 +32,12 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     ``moving``: the least stable of the modes in which the arms can move. ``stiffness_*``: between
     command and reading; ``inertia_*``: the tool's; ``softening_*``: by which part arms and grasps
     in series lowered the stiffness. ``at_rest``: linearised about the compliance's own equilibrium,
-    not the path's pose. ``paper_*``: (23), continuous without delay; ``delayed_*``: continuous with
-    the dead time and the true static compliance; both of each axis by itself, the worse one where
-    axes are coupled.
+    not the path's pose. ``jitter_cycles``: by how many cycles commands may be late, in any order;
+    sufficient, and 0 of an unstable loop. ``hunting_*``: the grip's amplitude at which dry
+    friction of which nothing is fed forward keeps a stable loop moving, in proportion smaller where
+    more is; of each axis by itself. ``paper_*``: (23), continuous without delay; ``delayed_*``:
+    continuous with the dead time and the true static compliance; both of each axis by itself, the
+    worse one where axes are coupled.
     """
 
     alpha_rad: float
@@ -54,6 +59,9 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     phase_margin_deg: float
     delay_margin_s: float
     crossover_hz: float
+    jitter_cycles: float
+    hunting_x_m: float
+    hunting_rotation_rad: float
     paper_stable: bool
     delayed_stable: bool
     delayed_gain_margin_db: float
@@ -143,6 +151,13 @@ def evaluate(elements: LoopElements, at: Environment, axis: AxisName) -> Row:
         delayed_loop(plain, name, k, max(mode.frequency_hz, 0.1)).margins().gain_db
         for name, k in each.items()
     ]
+    stable = all(other.stable for other in modes.values())
+    behind = np.abs(at.arms[least].friction_lag()).tolist()
+    hunting = {
+        name: hunting_amplitude(environment_loops(plain, at, _ALONE[name])[least], h)
+        for name, h in zip(SINGLE_AXES, behind, strict=True)
+        if name in each
+    }
     # An axis without any stiffness of the sheet has nothing to be softened.
     softening = 1.0 - np.divide(stiffness, rigid, out=np.ones_like(rigid), where=rigid != 0.0)
     return Row(
@@ -162,6 +177,9 @@ def evaluate(elements: LoopElements, at: Environment, axis: AxisName) -> Row:
         phase_margin_deg=math.degrees(found.phase_rad),
         delay_margin_s=found.delay_s,
         crossover_hz=found.crossover_hz,
+        jitter_cycles=min(map(jitter_cycles, loops.values())) if stable else 0.0,
+        hunting_x_m=hunting.get("x", 0.0),
+        hunting_rotation_rad=hunting.get("rotation", 0.0),
         paper_stable=all(paper_loop(plain, name, k).routh_stable for name, k in each.items()),
         delayed_stable=min(delayed) > 0.0,
         delayed_gain_margin_db=min(delayed),

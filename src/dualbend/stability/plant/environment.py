@@ -80,7 +80,7 @@ def _environment(scenario: Scenario, arm: PosedArm, pose: Vector, *, at_rest: bo
     """Return what the loop works against where the arm is posed."""
     alpha = float(pose[2])
     coupling = scenario_coupling(scenario, alpha)
-    compliance, tool = arm.compliance + arm.grasp, arm.tool_inertia
+    compliance, tool = arm.rest_compliance + arm.grasp, arm.tool_inertia
     total = np.zeros((6, 6))
     if at_rest:
         total = coupling.admittance_compliance(_static_compliance(scenario, alpha))

@@ -7,7 +7,7 @@ import numpy as np
 
 from dualbend.mechanics.jacobian import PLANE
 from dualbend.run.arms import arm_pair, joint_stiffness, one_kind
-from dualbend.run.cell import make_servo
+from dualbend.run.cell import make_integral, make_servo
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.arm_compliance import ArmCompliance
 from dualbend.scene.ik import grip_targets
@@ -28,15 +28,21 @@ class PosedArm(ArmCompliance):
 
     def __init__(self, scenario: Scenario, home: Vector) -> None:
         arms = one_kind(arm_pair(scenario), "the stability of the loop")
-        super().__init__(arms, joint_stiffness(scenario), scenario.grasp)
+        super().__init__(
+            arms,
+            joint_stiffness(scenario),
+            scenario.grasp,
+            integrates=scenario.robot.servo.integral is not None,
+        )
         self.move(home)
         servo = make_servo(scenario, self._model, self._q)
+        self._integral_gain = make_integral(scenario, self._model).gain
         self._n = arms.left.model.count
         nothing, unit = np.zeros((2, self._n * len(SIDES)))
         unit += 1.0
         fed = servo.setpoint(nothing, nothing, unit) * servo.stiffness
         self._feed_forward = fed[: self._n]
-        self._rubs = self._model.dof_frictionloss.ravel()[: self._n] > 0.0
+        self._friction = self._model.dof_frictionloss.ravel()[: self._n]
         viscous = self._model.dof_damping.ravel()
         self._damping = (servo.damping + viscous)[: self._n]
 
@@ -63,7 +69,7 @@ class PosedArm(ArmCompliance):
         mujoco.mj_fullM(self._model, self._data, mass)
         setpoint = self._setpoint()
         # Without dry friction nothing holds a joint but its servo.
-        moved = (np.abs(setpoint).max(axis=1) > _MOVED) | ~self._rubs
+        moved = (np.abs(setpoint).max(axis=1) > _MOVED) | (self._friction == 0.0)
         return Joints(
             mass=mass[: self._n, : self._n][np.ix_(moved, moved)],
             stiffness=self._stiffness[moved],
@@ -71,4 +77,6 @@ class PosedArm(ArmCompliance):
             feed_forward=self._feed_forward[moved],
             jacobian=self._jacobian[PLANE, :][:, moved],
             setpoint=setpoint[moved],
+            integral_gain=self._integral_gain,
+            dry_friction=self._friction[moved],
         )
