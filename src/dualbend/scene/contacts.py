@@ -27,11 +27,12 @@ import numpy as np
 
 from dualbend.types import SIDES
 
-ARM, RESTING, PINNING, GRIPPING, FLOOR, LINK = (1 << i for i in range(6))
-"""Collision bits. Arms with each other and with what stands around them; as tasks intend: sheet on
-what it lies on, hole's edge on pin, jaw on sheet; floor; links with sheets, held and laid."""
+ARM, RESTING, PINNING, GRIPPING, FLOOR, LINK, LAID = (1 << i for i in range(7))
+"""Collision bits: arms with each other and what stands around them; as tasks intend, the sheet on
+what it lies on, a hole's edge on its pin, a jaw on the sheet; anything with the floor; the sheet
+with links; links with laid sheets."""
 
-_GRIPPERS: Final = dict(zip(SIDES, (1 << 6, 1 << 7), strict=True))
+_GRIPPERS: Final = dict(zip(SIDES, (1 << 7, 1 << 8), strict=True))
 """Each gripper with the sheet."""
 
 _INTENDED = RESTING | PINNING | GRIPPING
@@ -59,7 +60,7 @@ def let_arms_touch(spec: mujoco.MjSpec) -> None:
             geom.contype, geom.conaffinity = ARM | FLOOR, ARM | _GRIPPERS[side]
         else:
             low = 0 if part in ("base", "link1") else FLOOR
-            geom.contype, geom.conaffinity = ARM | LINK | low, ARM | LINK
+            geom.contype, geom.conaffinity = ARM | LAID | low, ARM | LINK
 
 
 class Contact(msgspec.Struct, frozen=True):

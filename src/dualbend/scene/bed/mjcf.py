@@ -17,7 +17,7 @@ from dualbend.scene.bed.config import (
     StandConfig,
     hole_places,
 )
-from dualbend.scene.contacts import ARM, GRIPPING, LINK, PINNING, RESTING
+from dualbend.scene.contacts import ARM, GRIPPING, LAID, PINNING, RESTING
 from dualbend.scene.mjcf import BOX, DRAWN, about_z
 from dualbend.scene.sheet.strips import StripConfig, strip_body
 from dualbend.types import Vector
@@ -170,7 +170,7 @@ def _add_laid(
             type=BOX,
             size=[*size[:2], _LAID_DEPTH_M / 2],
             pos=[0.0, 0.0, half - _LAID_DEPTH_M / 2],
-            **_touched(RESTING | LINK, friction),
+            **_touched(RESTING | LAID, friction),
         )
 
 
