@@ -13,6 +13,7 @@ from dualbend.run.cell import make_servo
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.cell import PAD_SITE, compose_cell, robots_only, without_looks
+from dualbend.scene.contacts import FLOOR
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
 from dualbend.scene.simulation import PLANAR, Simulation
 from dualbend.task.assembly.config import assembly_of
@@ -127,13 +128,13 @@ def test_the_rubber_weighs_nothing(bending: mujoco.MjModel, assembling: mujoco.M
 # --- what is only looked at ---------------------------------------------------------------------
 
 
-def test_the_surroundings_touch_nothing_and_the_front_camera_sees_both_grips(
+def test_the_floor_stops_what_has_its_bit_and_the_front_camera_sees_both_grips(
     bending: mujoco.MjModel,
 ) -> None:
     model, data = bending, mujoco.MjData(bending)
     mujoco.mj_forward(model, data)
     floor = model.geom("floor").id
-    assert model.geom_contype[floor] == model.geom_conaffinity[floor] == 0
+    assert (model.geom_contype[floor], model.geom_conaffinity[floor]) == (0, FLOOR)
     assert data.geom_xpos[floor, 2] == 0.0
     # The bases, 2.2 m apart, stand on it.
     assert (model.geom_size[floor, :2] >= 1.5).all()

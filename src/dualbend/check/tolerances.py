@@ -57,6 +57,7 @@ _SIZES: dict[str, _Size] = {
     "ik_rotation_residual_max": ("absolute", 1e-6, 0.0, _SOLVER),
     "saturated_cycles": ("absolute", 1.0, 0.0, "a count of cycles above a bound; one may be on it"),
     "stale_commands": ("absolute", 0.0, 0.0, "drawn from the seed alone"),
+    "unintended_contacts": ("absolute", 0.0, 0.0, "a count of pairs of bodies"),
     "simulated_time": ("absolute", 0.014, 0.0, "half a cycle"),
 }
 """Of the metrics that a run of any task has; the others are those of their task."""

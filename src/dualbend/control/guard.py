@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -27,6 +27,9 @@ class GuardConfig(Config):
     lost_cycles: Annotated[
         int, said("cycles in a row without a new reading of a sensor", ge=1, le=1_000_000)
     ] = 5
+    contact: Annotated[
+        Literal["stop", "record"], said("what a contact does that the task does not intend")
+    ] = "stop"
 
 
 class ProtectiveStop(Exception):  # noqa: N818 - an event of the robot, not an error of ours

@@ -49,6 +49,11 @@ def common_metrics(result: RunRecord) -> dict[str, Metric]:
     return {
         "ik_residual_max": Metric(peak(trace["ik_position"]), "m"),
         "ik_rotation_residual_max": Metric(peak(trace["ik_rotation"]), "rad"),
+        "unintended_contacts": Metric(
+            float(len(result.contacts)),
+            "1",
+            "; ".join(f"{contact} at {contact.time_s:.3f} s" for contact in result.contacts),
+        ),
         "saturated_cycles": Metric(float(np.nansum(trace["saturated"])), "1"),
         **({"stale_commands": Metric(stale, "1")} if stale else {}),
         "simulated_time": Metric(result.simulated_s, "s"),
@@ -132,6 +137,7 @@ COMMON_METRICS = (
     "ik_rotation_residual_max",
     "saturated_cycles",
     "stale_commands",
+    "unintended_contacts",
     "simulated_time",
 )
 """Metrics that a run of any task may have, but for those of the machine."""

@@ -159,6 +159,7 @@ class Run:
             wall_time_s=wall_time_s,
             controller="" if self.compliance is make_compliance else _name_of(self.compliance),
             laid=tuple(self.laid),
+            contacts=tuple(simulation.contacts),
             identity=self.identity,
             signal=signal,
         )
@@ -177,6 +178,9 @@ class Run:
             simulation.data.qpos,
             simulation.bending_angles,
         )
+        if self.scenario.guard.contact == "stop":
+            for contact in simulation.contacts:
+                raise ProtectiveStop(str(contact))
         self._guard.check(seen.q, seen.speed, seen.torque, self.cell.response.position)
         return seen
 

@@ -4,12 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
+from dualbend.errors import InputError
+from dualbend.run.arms import shown_placements
 from dualbend.run.loop import Run
 from dualbend.run.record import task_of
 from dualbend.scenario.scenario import Scenario
 
 
 def make_run(scenario: Scenario, **parts: Any) -> Run:  # noqa: ANN401 - each task has its own
-    """Return the scenario made ready to run by its task; ``parts`` replace parts of the run."""
+    """Return the scenario made ready to run by its task; ``parts`` replace parts of the run.
+
+    Raises InputError where the task refuses it, or where two bodies touch at its start.
+    """
     run: Run = task_of(scenario).part("run")(scenario, **parts)
+    run.start()
+    for contact in run.cell.simulation.contacts:
+        raise InputError(
+            f"scenario {scenario.name!r}: at the start {contact}; look at "
+            f"cell.sheet_height_m = {scenario.cell.sheet_height_m:g}, "
+            f"{shown_placements(run.scenario)}"
+        )
     return run

@@ -17,6 +17,7 @@ from dualbend.registry import TASKS, Task
 from dualbend.run.identity import RunIdentity
 from dualbend.run.trace import Trace
 from dualbend.scenario.scenario import Scenario
+from dualbend.scene.contacts import Contact
 from dualbend.types import SIDES, Side, Vector
 
 TableRow = dict[str, str | float | bool | None]
@@ -111,6 +112,7 @@ class RunRecord:
     ----------
     controller : name of the compliance that took the place of the scenario's own, if one did
     laid : of each sheet of an assembly, (4, 3) as its holes lie over their pins [m]
+    contacts : those that the task does not intend, of a run in memory
     scene : model and stiffness, of a run in memory
     folder : from which the run was read back
     known : its summary, where it was read back
@@ -126,6 +128,7 @@ class RunRecord:
     simulated_s: float
     wall_time_s: float
     laid: tuple[Vector, ...] = ()
+    contacts: tuple[Contact, ...] = ()
     scene: Scene | None = None
     folder: Path | None = None
     known: Summary | None = None

@@ -13,7 +13,8 @@ from dualbend.arm.pair import ArmPair
 from dualbend.beam.sheet import Sheet
 from dualbend.control.servo import JointServo
 from dualbend.scene.bed.config import LayoutConfig
-from dualbend.scene.bed.mjcf import GRIPPING, add_holes, add_workplace
+from dualbend.scene.bed.mjcf import add_holes, add_workplace
+from dualbend.scene.contacts import FLOOR, GRIPPING, let_arms_touch
 from dualbend.scene.mjcf import BOX, DRAWN, SITE, about_z
 from dualbend.scene.sheet.shell import ShellConfig, add_shell
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig, add_sheet
@@ -138,6 +139,7 @@ def compose_cell(
         for i, joint in enumerate(placed.model.joints, arms.joints(side).start):
             k, c = float(servo.stiffness[i]), float(servo.damping[i])
             _add_drive(spec, f"{side}_{joint}", "servo", k, c)
+    let_arms_touch(spec)
     middle = np.array([0.0, 0.0, cell.sheet_height_m])
     if isinstance(division, ShellConfig):
         add_shell(spec, sheet, division, middle)
@@ -199,7 +201,7 @@ def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> 
 
 
 def _add_pedestal(base: mujoco.MjsBody, height_m: float) -> None:
-    """Put a column under a base that stands above the floor: to look at, it touches nothing."""
+    """Put a column under a base that stands above the floor, and about it a capsule to touch."""
     for radius, top, bottom in ((0.07, 0.0, -height_m), (0.16, -height_m + 0.015, -height_m)):
         base.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER,
@@ -209,6 +211,14 @@ def _add_pedestal(base: mujoco.MjsBody, height_m: float) -> None:
             mass=0.0,
             **DRAWN,
         )
+    base.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[0.07, max(height_m / 2 - 0.07, 1e-3), 0.0],
+        pos=[0.0, 0.0, -height_m / 2],
+        mass=0.0,
+        group=3,
+        rgba=[0.3, 0.5, 0.9, 0.4],
+    )
 
 
 def _add_pad(spec: mujoco.MjSpec, grasp: GraspConfig, side: Side) -> None:
@@ -271,7 +281,7 @@ def _add_jaw_drives(spec: mujoco.MjSpec, side: Side) -> None:
 
 
 def _add_surroundings(spec: mujoco.MjSpec, cell: CellConfig) -> None:
-    """Floor, light and camera: to look at, they touch nothing."""
+    """Floor, light and camera."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     spec.visual.headlight.ambient[:] = 0.45
     spec.visual.headlight.diffuse[:] = 0.45
@@ -290,7 +300,7 @@ def _add_surroundings(spec: mujoco.MjSpec, cell: CellConfig) -> None:
         size=[3.0, 3.0, 0.1],
         rgba=[0.80, 0.82, 0.84, 1.0],
         contype=0,
-        conaffinity=0,
+        conaffinity=FLOOR,
     )
     spec.worldbody.add_light(
         name="lamp", pos=[0.5, -2.0, 3.0], dir=[-0.15, 0.55, -0.8], castshadow=True

@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 
 from dualbend.arm import mjcf as arm
-from dualbend.scene.bed.mjcf import GRIPPING
 from dualbend.scene.cell import PAD_SITE
+from dualbend.scene.contacts import GRIPPING
 from dualbend.scene.mjcf import about_z
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
 from dualbend.types import SIDES, Vector

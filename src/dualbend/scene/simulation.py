@@ -13,6 +13,7 @@ from dualbend.arm.pair import arm_joints
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.delay import TransportDelay
 from dualbend.scene.cell import PAD_SITE, GraspConfig, harden_holds
+from dualbend.scene.contacts import UnintendedContacts
 from dualbend.scene.sheet.model import SheetModel, StripModel
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
 from dualbend.types import SIDES, Vector, matvec
@@ -94,6 +95,7 @@ class Simulation:
         self.bend_stiffness = self.sheet.bend_stiffness
         """Moment over bending angle [N m/rad]."""
         self._hold_ids(grasp)
+        self.contacts = UnintendedContacts(model, self.data)
         self.on_step: list[Callable[[], None]] = []
         """Called after every physics step, where once per cycle would miss a peak."""
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
@@ -129,6 +131,7 @@ class Simulation:
         self.data.qpos[:] = positions
         self.data.ctrl[self._drives] = positions[self._q]
         mujoco.mj_forward(self.model, self.data)
+        self.contacts.reset()
         sample = self._sense()
         self._line.reset(sample)
         return _unpack(sample)
@@ -262,6 +265,7 @@ class Simulation:
                 mujoco.mj_step2(model, data)
             if step == self._sample_step:
                 sample = self._sense()
+            self.contacts.on_step()
             for act in self.on_step:
                 act()
         return _unpack(self._line.update(sample))

@@ -17,13 +17,10 @@ from dualbend.scene.bed.config import (
     StandConfig,
     hole_places,
 )
+from dualbend.scene.contacts import ARM, GRIPPING, LAID, PINNING, RESTING
 from dualbend.scene.mjcf import BOX, DRAWN, about_z
 from dualbend.scene.sheet.strips import StripConfig, strip_body
 from dualbend.types import Vector
-
-RESTING, PINNING, GRIPPING = 2, 4, 8
-"""Collision bits: sheet on what it lies on (the arms have 1), hole's edge on pin, jaw on sheet."""
-
 
 _RING_SIDES = 32
 """Sides of the polygon around a hole's circle; eight would give 0.2 mm more towards corners."""
@@ -59,7 +56,7 @@ def add_workplace(
             type=BOX,
             size=[block.half_length_m, block.half_width_m, block.top_m / 2],
             pos=[0.0, y_m, block.top_m / 2],
-            **_touched(RESTING | 1, bed.friction),
+            **_touched(RESTING | ARM, bed.friction),
         )
         _show_block(spec, block, y_m)
     _add_bed_camera(spec, bed, sheet)
@@ -122,7 +119,7 @@ def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -
     body = spec.worldbody.add_body(name=f"pin_{name}", pos=foot_m)
     radius = pins.diameter_m / 2
     shape = {
-        **_touched(PINNING, pins.friction),
+        **_touched(PINNING | ARM, pins.friction),
         **_RUBBED,
         "name": f"pin_{name}",
         "solimp": _PIN_SOLIMP,
@@ -173,7 +170,7 @@ def _add_laid(
             type=BOX,
             size=[*size[:2], _LAID_DEPTH_M / 2],
             pos=[0.0, 0.0, half - _LAID_DEPTH_M / 2],
-            **_touched(RESTING, friction),
+            **_touched(RESTING | LAID, friction),
         )
 
 
@@ -188,7 +185,7 @@ def add_holes(spec: mujoco.MjSpec, sheet: Sheet, strips: StripConfig, layout: La
         offset = along - (number - 0.5 * np.sign(number)) * h
         _add_ring(body, name, layout, sheet.thickness_m, np.array([offset, across]))
     for end in (0, strips.hinges):
-        spec.geom(f"{strip_body(end)}_plate").contype = GRIPPING
+        spec.geom(f"{strip_body(end)}_plate").contype |= GRIPPING
     for i in range(1, strips.hinges):
         body = spec.body(strip_body(i))
         centre = 0.5 * h * np.sign(i - strips.hinges // 2)

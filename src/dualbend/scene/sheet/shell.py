@@ -32,7 +32,8 @@ import mujoco
 import numpy as np
 
 from dualbend.beam.sheet import Sheet
-from dualbend.scene.mjcf import SHEET_RGBA, SITE, about_z, make_plate
+from dualbend.scene.contacts import sheet_bits
+from dualbend.scene.mjcf import DRAWN, SHEET_RGBA, SITE, about_z, make_plate
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, damping_time
 from dualbend.types import Tagged, Vector, said
 
@@ -178,6 +179,12 @@ def add_shell(
         for axis, letter in zip(np.eye(3), "xyz", strict=True):
             name = f"{body.name}_{letter}"
             body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[sheet.thickness_m / 2, 0.0, 0.0],
+            mass=0.0,
+            **{**DRAWN, "contype": sheet_bits(arcs[i], sheet.length_m - arcs[i])},
+        )
     grid = list(itertools.product(range(n + 2), range(m + 2)))
     corners = [
         (m + 2) * column + row

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from dualbend.beam.plastic import HingeSprings
 from dualbend.beam.sheet import Sheet
+from dualbend.scene.contacts import sheet_bits
 from dualbend.scene.mjcf import BOX, DRAWN, SHEET_RGBA, SITE, about_z, make_plate
 from dualbend.types import Tagged, said
 
@@ -99,7 +100,7 @@ def add_sheet(
     middle = spec.worldbody.add_body(name=strip_body(n // 2), pos=middle_position_m)
     middle.add_freejoint(name="sheet")
     h = sheet.length_m / n
-    _fill_strip(middle, sheet, h, 0.0)
+    _fill_strip(middle, sheet, h, 0.0, (0.5 * (sheet.length_m - h),) * 2)
     if sheet.plasticity is not None:
         springs = hinge_springs(sheet, config)
         for hinge in range(n):
@@ -165,13 +166,21 @@ def _add_half(
                 damping=beta * stiffness,
             )
         length = h / 2 if i == n // 2 - 1 else h
-        _fill_strip(body, sheet, length, direction * length / 2)
+        near, far = sheet.length_m / 2 - (i + 0.5) * h - length, sheet.length_m / 2 + (i + 0.5) * h
+        away = (near, far) if direction < 0 else (far, near)
+        _fill_strip(body, sheet, length, direction * length / 2, away)
         parent, offset = body, direction * length
     return parent
 
 
-def _fill_strip(body: mujoco.MjsBody, sheet: Sheet, length_m: float, centre_x_m: float) -> None:
-    """Give a strip its inertia and its picture."""
+def _fill_strip(
+    body: mujoco.MjsBody,
+    sheet: Sheet,
+    length_m: float,
+    centre_x_m: float,
+    from_clamps_m: tuple[float, float],
+) -> None:
+    """Give a strip its inertia and a plate, to see and to touch."""
     make_plate(body, sheet, length_m, centre_x_m)
     body.add_geom(
         name=f"{body.name}_plate",
@@ -180,5 +189,5 @@ def _fill_strip(body: mujoco.MjsBody, sheet: Sheet, length_m: float, centre_x_m:
         pos=[centre_x_m, 0.0, 0.0],
         mass=0.0,
         rgba=SHEET_RGBA,
-        **DRAWN,
+        **{**DRAWN, "contype": sheet_bits(*from_clamps_m)},
     )
