@@ -63,11 +63,8 @@ def peak_by_piece(result: RunRecord) -> list[float]:
 
 
 def surface_strain(result: RunRecord) -> Vector:
-    """Return the largest surface strain of each row, ε = |Δθ| t / (2 h) (rows,)."""
-    config, sheet = result.scenario.sheet, result.scenario.sheet.sheet()
-    spacing = sheet.length_m / config.model.sections
-    curvature = np.abs(result.trace.bends).max(axis=1, initial=0.0) / spacing
-    return np.asarray(curvature * sheet.thickness_m / 2.0)
+    """Return the largest surface strain of each row, of the true sheet (rows,)."""
+    return result.scenario.true_sheet.surface_strain(result.trace.bends)
 
 
 def side_by_side(

@@ -39,7 +39,7 @@ class RobotCell:
         self.servo = make_servo(scenario, robots, self.home)
         step_s = scenario.physics.step_s
         config = scenario.sheet
-        self.sheet = scenario.task.true_sheet(config.sheet())
+        self.sheet = scenario.true_sheet
         model = without_looks(self._compose(looks=False)).compile()
         self.simulation = Simulation(
             model,

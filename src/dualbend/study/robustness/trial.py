@@ -137,8 +137,7 @@ def _evaluated(result: RunRecord, index: int) -> Trial:
         phase, cause = AFTER, NOT_SEATED
     forces = [row["peak_force_n"] for row in pin_table(result)] if result.trace.rows else []
     strain = surface_strain(result)
-    # The trace's bends, with the thickness that the sheet really has.
-    strain = strain[np.isfinite(strain)] * config.errors.thickness_factor
+    strain = strain[np.isfinite(strain)]
     return trial(
         result.scenario,
         index,

@@ -36,7 +36,7 @@ def final_holes(result: RunRecord) -> Vector:
             laid.append(np.array(columns))
     holes = np.array(laid).reshape(len(laid), len(HOLES), 3)
     # Each sheet rests on those before it.
-    thickness = assembly.true_sheet(result.scenario.sheet.sheet()).thickness_m
+    thickness = result.scenario.true_sheet.thickness_m
     holes[:, :, 2] -= thickness * np.arange(len(laid))[:, np.newaxis]
     return holes
 

@@ -19,6 +19,7 @@ from dualbend.control.compliance.object import (
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
 from dualbend.errors import InputError
+from dualbend.imperfection.config import ImperfectionsConfig
 from dualbend.planning.plan import AssemblyPlan, plan_assembly
 from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
@@ -240,10 +241,12 @@ class AssemblyRun(Run):
 
         Of the sheet that the robots believe in: they know of no errors.
         """
-        if self.config.errors != ErrorsConfig():
-            task = msgspec.structs.replace(self.config, errors=ErrorsConfig())
-            scenario = msgspec.structs.replace(self.scenario, task=task)
-            cell = RobotCell(scenario, cell.start, cell.place)
+        task = msgspec.structs.replace(self.config, errors=ErrorsConfig())
+        believed = msgspec.structs.replace(
+            self.scenario, task=task, imperfections=ImperfectionsConfig()
+        )
+        if believed != self.scenario:
+            cell = RobotCell(believed, cell.start, cell.place)
         pinned = self.config.layout.holes.middle.along_m
         found = []
         for bend in BENDS:
@@ -329,7 +332,7 @@ class AssemblyRun(Run):
                 *self.pins.offsets().ravel(),
             ]
         )
-        strain = self._surface_strain()
+        strain = float(self.cell.sheet.surface_strain(self.cell.simulation.bending_angles))
         if strain > self._limit_strain:
             raise SimulationFailed(
                 f"{PHASES[goal.phase]}: the sheet's surface strain is {strain:.2e}, above yield, "
@@ -345,12 +348,6 @@ class AssemblyRun(Run):
                     f"{PHASES[goal.phase]}: the force on the {HOLES[worst]} {what} is "
                     f"{force[worst]:.1f} N, above {limit:g} N"
                 )
-
-    def _surface_strain(self) -> float:
-        """Return the largest surface strain, ε = |Δθ| t / (2 h)."""
-        sheet, hinges = self.cell.sheet, self.scenario.sheet.model.sections
-        curvature = np.abs(self.cell.simulation.bending_angles).max() * hinges / sheet.length_m
-        return float(0.5 * sheet.thickness_m * curvature)
 
 
 def _place(posture: Posture) -> Vector:
