@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 
 import mujoco
 import numpy as np
 
 from dualbend.beam import elastica
+from dualbend.control.brake import Brakes
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.response import CommandResponse
 from dualbend.control.servo import IntegralAction, JointServo
@@ -18,7 +20,7 @@ from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.sheet.model import ShellModel
 from dualbend.scene.sheet.strips import StripConfig
 from dualbend.scene.simulation import SensorSample, Simulation
-from dualbend.types import Vector
+from dualbend.types import Mask, Side, Vector
 
 
 class RobotCell:
@@ -48,6 +50,7 @@ class RobotCell:
             if isinstance(config.model, StripConfig)
             else ShellModel(model, self.sheet, config.model),
             latency_steps=scenario.sensor.latency_steps(step_s),
+            width_m=self.sheet.width_m,
         )
         self.integral = IntegralAction(
             scenario.robot.servo.integral,
@@ -60,6 +63,12 @@ class RobotCell:
             len(self.home),
             steps_per_cycle(step_s, COMMAND_PERIOD_S),
             period_s=COMMAND_PERIOD_S,
+        )
+        self.brakes = Brakes(
+            len(self.home),
+            self.response.steps,
+            period_s=COMMAND_PERIOD_S,
+            time_s=scenario.guard.stop_time_s,
         )
 
     def _compose(self, *, looks: bool) -> mujoco.MjSpec:
@@ -106,12 +115,26 @@ class RobotCell:
     def rest(self) -> None:
         """Let response and servos be at rest in the start."""
         self.response.reset(self.home)
+        self.brakes.reset()
         self.integral.reset()
+
+    @property
+    def reference(self) -> Vector:
+        """Joint angles (n,) that the servos are sent to at the start of a cycle [rad]."""
+        return self.brakes.position(self.response.position)
+
+    def stop(self, sides: Iterable[Side]) -> Mask:
+        """Stop arms from where and how fast their references are; returns which joints (n,)."""
+        joints = np.zeros(len(self.home), dtype=np.bool_)
+        for side in sides:
+            joints[self.arms.joints(side)] = True
+        self.brakes.stop(joints, self.response.position, self.response.speed)
+        return joints
 
     def send(self, q: Vector) -> SensorSample:
         """Run one command cycle towards the joint set-points (n,) [rad]."""
-        offset = self.integral.update(self.response.position - self.simulation.q)
-        reference = self.response.update(q)
+        offset = self.integral.update(self.reference - self.simulation.q)
+        reference = self.brakes.update(self.response.update(q))
         return self.simulation.advance(
             self.servo.setpoint(reference.position, reference.velocity, reference.acceleration)
             + offset

@@ -71,6 +71,11 @@ class Scenario(Config):
         check_joint_counts(self.robot, self.cell)
         self.task.check(self.sheet, self.motion)
         self._refuse_curved_shell()
+        if self.imperfections.events.grips and self.grasp.friction is None:
+            raise InputError(
+                "imperfections.events.power_failure and oil change the friction of a grip, and "
+                "grasp.friction = none never slides: give it, 0.5 for example"
+            )
         self.path.make(self.sheet.length_m)  # refuses a table that does not suit the sheet
         self._resolve_curvature()
         law = make_time_law(self.path, self.motion)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from dualbend.control.controller import Controller
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.planar import PlanarRun
@@ -57,4 +59,6 @@ class BendingRun(PlanarRun):
         if self._errors is not None:
             simulation = self.cell.simulation
             self.trace.record_task(simulation.roll_and_yaw().ravel().tolist())
-            simulation.displace_grasps(self._errors[cycle])
+            errors = np.zeros((2, 6))
+            errors[:, [1, 3, 5]] = self._errors[cycle]
+            simulation.displace_grasps(errors)
