@@ -87,7 +87,7 @@ class SlidingGrips:
         self._before = np.full((2, 3), np.nan)
         self.sliding = [False, False]
         self.dropped = [False, False]
-        self._held = [False, False]
+        self._held, self._is_soft = [False, False], [False, False]
         self.near = False
         for i in range(len(SIDES)):
             self._make(i, soft=False)
@@ -103,7 +103,8 @@ class SlidingGrips:
                 self._let_go(i)
                 changed = True
             self._held[i] = held
-        sizes = [self._size(i, self._trial(i)) for i in range(2) if self._held[i]]
+        held = [i for i in range(len(SIDES)) if self._held[i]]
+        sizes = [self._size(i, self._hard * self._state(i)[0]) for i in held]
         self.near = any(self.sliding) or max(sizes, default=0.0) > _NEAR
         return changed
 
@@ -118,18 +119,29 @@ class SlidingGrips:
             load[i, _TANGENTIAL] = self._load[i]
 
     def _slide(self, i: int) -> bool:
-        trial = self._trial(i)
-        size = self._size(i, trial)
-        if size <= 1.0 and not self.sliding[i]:
+        """Return one grip to its limit; True where it bears more, or slides on."""
+        (q, v), stiffness = self._state(i), self._stiffness(i)
+        borne = stiffness * (q + self._loss_s * v)
+        # A steady push meets the limit exactly where the edge's speed goes on changing as it did.
+        change = np.nan_to_num(v - self._before[i])
+        ahead = (self._step_s + self._loss_s) * (v + change)
+        load = stiffness * (q + ahead) if self._is_soft[i] else borne
+        size = self._size(i, load)
+        self.sliding[i] = self._is_soft[i] or size > 1.0
+        if not self.sliding[i]:
+            self._before[i] = np.nan
             return False
-        (q, v), ahead = self._state(i), self._ahead(i)
-        self._load[i] = self._stiffness(i) * (q + self._loss_s * v) * self._scale
-        soft = size > _STUCK
-        after = trial / max(size, 1.0)
-        if soft != self.sliding[i]:
+        self._load[i], self._before[i] = borne * self._scale, v
+        along = float((v + change) @ load) / math.sqrt(load @ load)
+        # As fast, a pad that does not slide bears all of its limit within a step.
+        fast = self._limit(i) / (self._hard[0] * (self._step_s + self._loss_s))
+        soft = along > (0.25 if self._is_soft[i] else 1.0) * fast
+        if size < _STUCK and along <= math.sqrt(change @ change):
+            soft, ahead = False, np.zeros(3)  # it would turn back within a step: it holds again
+        if soft != self._is_soft[i]:
             self._make(i, soft=soft)
+        after = load / max(size, 1.0)
         moved = after / self._stiffness(i) - ahead
-        self._before[i] = v if soft else np.nan
         self._shift(i, q / self._scale, moved / self._scale)
         edge = moved / self._scale + self.offset[i, _TANGENTIAL]
         self.slip[i] = edge - after / self._hard / self._scale
@@ -142,7 +154,7 @@ class SlidingGrips:
     def _let_go(self, i: int) -> None:
         """Put a pad back that nothing pulls any more: soft as it was, it has swung far."""
         self._data.qpos[self._q[i]] = self._data.qvel[self._dof[i]] = 0.0
-        self.offset[i] = 0.0
+        self.offset[i], self._before[i], self.sliding[i] = 0.0, np.nan, False
         self._make(i, soft=False)
 
     def _state(self, i: int) -> tuple[Vector, Vector]:
@@ -150,29 +162,18 @@ class SlidingGrips:
         return q * self._scale, v * self._scale
 
     def _stiffness(self, i: int) -> Vector:
-        return self._soft if self.sliding[i] else self._hard
+        return self._soft if self._is_soft[i] else self._hard
 
-    def _trial(self, i: int) -> Vector:
-        """Return the load (3,) at the end of the next step if the edge moves on and holds [N]."""
-        return np.asarray(self._stiffness(i) * (self._state(i)[0] + self._ahead(i)))
-
-    def _ahead(self, i: int) -> Vector:
-        """Return what the next step adds to a pad's stretch, its loss as well (3,) [m].
-
-        A sliding edge's speed is taken to change as it did: a steady push meets the limit exactly.
-        """
-        v = self._state(i)[1]
-        if self.sliding[i] and np.isfinite(self._before[i]).all():
-            v = 2.0 * v - self._before[i]
-        return np.asarray((self._step_s + self._loss_s) * v)
+    def _limit(self, i: int) -> float:
+        return self.limit_n * max(float(self.share[i]), _LEAST)
 
     def _size(self, i: int, load: Vector) -> float:
         """Return a load over the limit."""
-        return float(np.sqrt(load @ load)) / (self.limit_n * max(float(self.share[i]), _LEAST))
+        return math.sqrt(load @ load) / self._limit(i)
 
     def _make(self, i: int, *, soft: bool) -> None:
         """Make a pad soft or as stiff as it is, along the jaws' plane and about its normal."""
-        self.sliding[i] = soft
+        self._is_soft[i] = soft
         stiffness = self._stiffness(i) * self._scale**2
         # Both arrays hold polynomials, whose first coefficient is the linear one.
         self._model.jnt_stiffness.reshape(self._model.njnt, -1)[self._joints[i], 0] = stiffness
