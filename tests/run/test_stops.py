@@ -137,10 +137,14 @@ def test_a_folder_of_a_stopped_run_is_read_back(tmp_path: Path) -> None:
     assert again.phases[int(again["phase"][-1])] == "stopped"
 
 
-def test_an_assembly_stops_alike() -> None:
-    settings = ["imperfections.events.arm_stop={at_s=0.28,side='right'}"]
+@pytest.mark.parametrize("at_s", [0.0, 0.28])
+def test_an_assembly_stops_alike(tmp_path: Path, at_s: float) -> None:
+    settings = [f"imperfections.events.arm_stop={{at_s={at_s},side='right'}}"]
     result = make_run(load_scenario("pwb", settings)).run()
     assert result.outcome == "protective_stop"
-    assert result.reason == "the right arm stops, as events.arm_stop says, at 0.280 s"
-    assert result.trace.rows == 11 + CYCLES - 1
+    assert result.reason == f"the right arm stops, as events.arm_stop says, at {at_s:.3f} s"
+    assert result.trace.rows == round(at_s / COMMAND_PERIOD_S) + CYCLES
     assert "after_stop_peak_force" in result.metrics
+    with run_folder(tmp_path / "run") as kept:
+        write_numbers(result, kept)
+    assert load_run(tmp_path / "run").trace.equals(result.trace)

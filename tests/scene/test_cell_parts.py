@@ -216,7 +216,9 @@ def test_a_displaced_grasp_is_a_yaw_after_a_roll_and_is_seen_so() -> None:
     simulation: Simulation = cell.simulation
     model, data = simulation.model, simulation.data
     errors = np.array([[0.002, 0.3, -0.2], [-0.001, -0.1, 0.25]])
-    simulation.displace_grasps(errors)
+    whole = np.zeros((2, 6))
+    whole[:, [1, 3, 5]] = errors
+    simulation.displace_grasps(whole)
     mujoco.mj_forward(model, data)
     for side, (lateral, roll, yaw) in zip(SIDES, errors, strict=True):
         pad = model.site(f"{side}_{PAD_SITE}").id

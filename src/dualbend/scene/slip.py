@@ -103,8 +103,8 @@ class SlidingGrips:
                 self._let_go(i)
                 changed = True
             self._held[i] = held
-        held = [i for i in range(len(SIDES)) if self._held[i]]
-        sizes = [self._size(i, self._hard * self._state(i)[0]) for i in held]
+        holding = [i for i in range(len(SIDES)) if self._held[i]]
+        sizes = [self._size(i, self._hard * self._state(i)[0]) for i in holding]
         self.near = any(self.sliding) or max(sizes, default=0.0) > _NEAR
         return changed
 
