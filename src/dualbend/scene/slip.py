@@ -33,6 +33,9 @@ _LEAST = 1e-6
 """Share of the limit below which a grip counts as without force."""
 
 
+_TINY_N = 1e-12
+
+
 def turning_radius(length_m: float, width_m: float) -> float:
     """Return the mean distance of a rectangle's points from its middle [m].
 
@@ -77,6 +80,10 @@ class SlidingGrips:
         self._hard = np.array([tangential, tangential, turning])
         # Alike in all three: then the way back to the limit is along the ellipsoid's normal.
         self._soft = np.full(3, _SOFT * tangential)
+        # As compiled, to the last bit; both hold polynomials, whose first coefficient is linear.
+        self._stiffnesses = model.jnt_stiffness.reshape(model.njnt, -1)
+        self._dampings = model.dof_damping.reshape(model.nv, -1)
+        self._own = self._stiffnesses[self._joints, 0], self._dampings[self._dof, 0]
         self._loss_s, self._step_s = grasp.loss_time_s, model.opt.timestep
         self.reset()
 
@@ -132,7 +139,7 @@ class SlidingGrips:
             self._before[i] = np.nan
             return False
         self._load[i], self._before[i] = borne * self._scale, v
-        along = float((v + change) @ load) / math.sqrt(load @ load)
+        along = float((v + change) @ load) / max(math.sqrt(load @ load), _TINY_N)
         # As fast, a pad that does not slide bears all of its limit within a step.
         fast = self._limit(i) / (self._hard[0] * (self._step_s + self._loss_s))
         soft = along > (0.25 if self._is_soft[i] else 1.0) * fast
@@ -174,11 +181,12 @@ class SlidingGrips:
     def _make(self, i: int, *, soft: bool) -> None:
         """Make a pad soft or as stiff as it is, along the jaws' plane and about its normal."""
         self._is_soft[i] = soft
-        stiffness = self._stiffness(i) * self._scale**2
-        # Both arrays hold polynomials, whose first coefficient is the linear one.
-        self._model.jnt_stiffness.reshape(self._model.njnt, -1)[self._joints[i], 0] = stiffness
-        damping = self._loss_s * stiffness
-        self._model.dof_damping.reshape(self._model.nv, -1)[self._dof[i], 0] = damping
+        stiffness, damping = self._own[0][i], self._own[1][i]
+        if soft:
+            stiffness = self._soft * self._scale**2
+            damping = self._loss_s * stiffness
+        self._stiffnesses[self._joints[i], 0] = stiffness
+        self._dampings[self._dof[i], 0] = damping
 
     def _shift(self, i: int, before: Vector, after: Vector) -> None:
         """Move a pad from (x, y, yaw) to another place; the edge, in its site, stays where it is.
