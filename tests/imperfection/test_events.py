@@ -64,10 +64,9 @@ def test_a_gripper_without_power_drops_the_sheet_and_the_task_ends(name: str) ->
     settings = SHORT if name == "fig6" else ()
     result = run(name, *settings, *FRICTION, failure)
     assert result.outcome == "aborted"
-    assert result.reason.startswith("the left gripper has dropped the sheet")
-    assert at_s < result.simulated_s < at_s + 1.5
-    # Half of the pad's 20 mm.
-    assert result.metrics["peak_left_slip"].value == pytest.approx(0.010, rel=0.5)
+    assert result.reason.startswith("the left gripper has dropped the sheet, at ")
+    # Analytic: at a hundredth of its friction a grip lets go, 4.6 time constants after the failure.
+    assert result.simulated_s == pytest.approx(at_s + 0.05 * math.log(100.0), abs=0.06)
     assert result.metrics["peak_right_slip"].value < 1e-3
 
 

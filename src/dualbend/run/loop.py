@@ -236,7 +236,7 @@ class Run:
         self.trace.record_slip(np.hypot(*sliding.slip[:, :2].T))
         for side, dropped in zip(SIDES, sliding.dropped, strict=True):
             if dropped:
-                raise TaskStopped(f"the {side} gripper has dropped the sheet, which slid out of it")
+                raise TaskStopped(f"the {side} gripper has dropped the sheet")
 
     def control(
         self, seen: Observation, phase: str, nominal: PlanarPose, reading: WrenchReading

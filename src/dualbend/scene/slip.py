@@ -29,8 +29,8 @@ _NEAR, _STUCK = 0.5, 0.98
 """Shares of the limit from which on every physics step is looked at, and below which a sliding
 edge holds again."""
 
-_LEAST = 1e-6
-"""Share of the limit below which a grip counts as without force."""
+_LEAST = 0.01
+"""Share of its friction below which a grip lets go."""
 
 
 _TINY_N = 1e-12
@@ -104,6 +104,9 @@ class SlidingGrips:
         changed = False
         for i, hold in enumerate(self._holds):
             held = bool(self._data.eq_active[hold])
+            if held and self.share[i] < _LEAST:
+                self._drop(i)
+                held, changed = False, True
             if held and not self._held[i]:
                 self.slip[i] = 0.0
             elif self._held[i] and not held and self.offset[i].any():
@@ -153,10 +156,13 @@ class SlidingGrips:
         edge = moved / self._scale + self.offset[i, _TANGENTIAL]
         self.slip[i] = edge - after / self._hard / self._scale
         if self.slip[i, 0] >= 0.5 * PAD_LENGTH_M:
-            self._data.eq_active[self._holds[i]] = 0
-            self._held[i], self.dropped[i] = False, True
-            self._let_go(i)
+            self._drop(i)
         return True
+
+    def _drop(self, i: int) -> None:
+        self._data.eq_active[self._holds[i]] = 0
+        self._held[i], self.dropped[i] = False, True
+        self._let_go(i)
 
     def _let_go(self, i: int) -> None:
         """Put a pad back that nothing pulls any more: soft as it was, it has swung far."""
@@ -172,7 +178,7 @@ class SlidingGrips:
         return self._soft if self._is_soft[i] else self._hard
 
     def _limit(self, i: int) -> float:
-        return self.limit_n * max(float(self.share[i]), _LEAST)
+        return self.limit_n * float(self.share[i])
 
     def _size(self, i: int, load: Vector) -> float:
         """Return a load over the limit."""
