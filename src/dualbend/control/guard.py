@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -142,6 +142,11 @@ class SensorGuard:
         self._cycles = np.zeros((2, *shape, len(sides)), dtype=np.int_)
         allowed = np.array([config.sensor_cycles, config.lost_cycles])
         self._allowed = allowed.reshape(2, *[1] * (len(shape) + 1))
+        self._watched = np.ones(len(sides), dtype=np.bool_)
+
+    def release(self, sides: Collection[Side]) -> None:
+        """No longer check the sensors of arms that have stopped."""
+        self._watched &= [side not in sides for side in self._sides]
 
     def outside(self, clipped: Mask, fresh: Mask) -> Mask:
         """Tell which sensors were at their range's end, or lost, for too long; once a cycle.
@@ -163,6 +168,9 @@ class SensorGuard:
         """Raise ProtectiveStop where a sensor (arms,) of a single robot cell is :meth:`outside`."""
         outside = self.outside(clipped, fresh)
         if not np.count_nonzero(outside):
+            return
+        outside &= self._watched
+        if not outside.any():
             return
         kind, i = np.argwhere(outside)[0]
         axes = ", ".join(np.array(SENSOR_AXES)[clipped[i]])

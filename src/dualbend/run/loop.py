@@ -169,9 +169,14 @@ class Run:
         return told
 
     def _stop(self, stop: ProtectiveStop) -> str:
-        """Stop the arms that a stop is of, and the other one where it stops with it."""
-        self.stopped |= set(SIDES if self.scenario.guard.other_arm == "stop" else stop.sides)
+        """Stop the arms that a stop is of, and the other one where it stops with it.
+
+        Or where the arm had stopped already: then something that both need has failed.
+        """
+        alone = self.scenario.guard.other_arm == "continue" and not self.stopped >= {*stop.sides}
+        self.stopped |= {*(stop.sides if alone else SIDES)}
         self._guard.release(self.cell.stop(self.stopped))
+        self._sensor_guard.release(self.stopped)
         return f"{stop}, at {self.cell.simulation.data.time:.3f} s"
 
     def _coast(self, *, begun: bool) -> None:
