@@ -21,10 +21,11 @@ from click.testing import CliRunner
 from dualbend.arm.catalog import JOINT_COUNT
 from dualbend.arm.pair import arm_joints
 from dualbend.cli import main
-from dualbend.control.guard import Guard, ProtectiveStop
+from dualbend.control.guard import Guard
 from dualbend.errors import InputError
 from dualbend.run.arms import arm_pair
 from dualbend.run.disk.saved import load_run
+from dualbend.run.outcome import TaskStopped
 from dualbend.run.reading.consistency import columns_of
 from dualbend.run.reading.json_file import read_json
 from dualbend.run.record import Metric
@@ -181,11 +182,11 @@ def test_a_run_that_ended_in_its_first_cycle_is_written_and_read(
     """One row, without what the controller and the task add to it."""
 
     def stopping(*_: object) -> None:
-        raise ProtectiveStop("made up")
+        raise TaskStopped("made up")
 
     monkeypatch.setattr(Guard, "check", stopping)
     run = load_run(leave(tmp_path, name))
-    assert (run.outcome, run.trace.rows, run.simulated_s) == ("protective_stop", 1, 0.0)
+    assert (run.outcome, run.trace.rows, run.simulated_s) == ("aborted", 1, 0.0)
     result = CliRunner().invoke(main, ["report", str(tmp_path)])
     assert result.exit_code == 0, result.output
 

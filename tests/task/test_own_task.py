@@ -42,7 +42,7 @@ def test_the_sheet_weighs_what_it_is_made_of(result: RunRecord) -> None:
 def test_it_is_written_read_back_and_reported(result: RunRecord, tmp_path: Path) -> None:
     assert write_results(result, tmp_path) == []
     again = load_run(tmp_path)
-    assert again.phases == ("settle", "weigh")
+    assert again.phases == ("settle", "weigh", "stopped")
     assert again.metrics == result.metrics
     assert again.scenario == result.scenario
     assert (tmp_path / "run.rrd").stat().st_size > 100_000

@@ -3,10 +3,13 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from dualbend.beam._check import positive
 from dualbend.beam.plastic import Plasticity
 from dualbend.beam.rigidity import Rigidity, rigidity_ratio
 from dualbend.errors import InputError
+from dualbend.types import Vector
 
 GRAVITY_M_PER_S2 = 9.81
 """Standard gravity of this project [m/s²]."""
@@ -36,6 +39,8 @@ class Sheet:
     ``young_pa`` is the modulus of bending as a beam, ``poisson_ratio`` √(ν₁₂ ν₂₁). ``rigidity``
     says whether the sheet bends as a beam, as a plate, or between them for its width at the
     curvature ``curvature_per_m``. ``anisotropy`` None: isotropic; ``plasticity`` None: no yield.
+    ``rest_curvature_per_m`` is that of the free sheet, positive as the path bends it; the physics
+    knows it, the theory of this package is that of a sheet that is flat at rest.
 
     Raises InputError where a size, the modulus or the density is not finite and above zero, the
     Poisson ratio is outside [0, 0.5), or the thickness exceeds the width.
@@ -51,6 +56,7 @@ class Sheet:
     curvature_per_m: float = 0.0
     anisotropy: Anisotropy | None = None
     plasticity: Plasticity | None = None
+    rest_curvature_per_m: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("length_m", "width_m", "thickness_m", "young_pa", "density_kg_per_m3"):
@@ -87,6 +93,15 @@ class Sheet:
             self.curvature_per_m,
             1.0 if kind is None else kind.stretch / kind.across,
         )
+
+    def surface_strain(self, angles_rad: Vector) -> Vector:
+        """Return the largest surface strain (...) of a sheet bent at N places (..., N).
+
+        ``ε = |Δθ/h + κ₀| t/2``, h = L/N: the slope falls where the sheet bends as the path does.
+        """
+        curvature = angles_rad * (angles_rad.shape[-1] / self.length_m)
+        strained = np.abs(curvature + self.rest_curvature_per_m).max(axis=-1, initial=0.0)
+        return np.asarray(strained * self.thickness_m / 2.0)
 
     @property
     def mass_kg(self) -> float:

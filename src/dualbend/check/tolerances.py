@@ -55,6 +55,14 @@ _Size = tuple[Literal["relative", "absolute"], float, float, str]
 _SIZES: dict[str, _Size] = {
     "ik_residual_max": ("absolute", 1e-6, 0.0, _SOLVER),
     "ik_rotation_residual_max": ("absolute", 1e-6, 0.0, _SOLVER),
+    **dict.fromkeys(
+        ("after_stop_peak_force", "after_stop_peak_moment", "after_stop_peak_strain"),
+        ("relative", 5e-3, 1e-6, "as much as the peaks before the stop"),
+    ),
+    **dict.fromkeys(
+        ("peak_left_slip", "peak_right_slip"),
+        ("relative", 1e-2, 1e-9, "friction that is met at the end of a physics step"),
+    ),
     "saturated_cycles": ("absolute", 1.0, 0.0, "a count of cycles above a bound; one may be on it"),
     "stale_commands": ("absolute", 0.0, 0.0, "drawn from the seed alone"),
     "unintended_contacts": ("absolute", 0.0, 0.0, "a count of pairs of bodies"),

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
 
-from dualbend.types import Config, Mask, Side, Vector, said
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.types import SIDES, Config, Mask, Side, Vector, said
 
 SENSOR_AXES = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 """Names of a wrist sensor's axes, in the order of a reading."""
 
 
 class GuardConfig(Config):
-    """Limits of the robots' own protective stop; the defaults are assumed."""
+    """Limits of the robots' own protective stop, and how the arms stop; the defaults are assumed.
+
+    An arm that stops slows down evenly in each joint and is held where it comes to rest.
+    """
 
     following_error_rad: Annotated[float, said("joint against its reference", gt=0, le=10)] = 0.02
     torque_cycles: Annotated[
@@ -30,10 +34,30 @@ class GuardConfig(Config):
     contact: Annotated[
         Literal["stop", "record"], said("what a contact does that the task does not intend")
     ] = "stop"
+    other_arm: Annotated[
+        Literal["stop", "continue"], said("what the other arm does when one stops")
+    ] = "stop"
+    stop_time_s: Annotated[float, said("from the speed at the stop to rest", ge=1e-3, le=5)] = 0.1
+    after_stop_s: Annotated[
+        float,
+        said("how long the run goes on after a stop, to tell what the sheet bears", ge=0, le=60),
+    ] = 0.5
+
+    @property
+    def after_stop_cycles(self) -> int:
+        """Command cycles that a run goes on after a stop."""
+        return round(self.after_stop_s / COMMAND_PERIOD_S)
 
 
 class ProtectiveStop(Exception):  # noqa: N818 - an event of the robot, not an error of ours
-    """The robot controller stops the arms; the message says which joint or sensor and why."""
+    """The robot controller stops an arm; the message says which joint or sensor and why.
+
+    ``sides``: the arms that stop by themselves, both where it does not say which.
+    """
+
+    def __init__(self, reason: str, *sides: Side) -> None:
+        super().__init__(reason)
+        self.sides: tuple[Side, ...] = sides or SIDES
 
 
 class Guard:
@@ -57,6 +81,14 @@ class Guard:
         self._torque_limit = torque_limit * (1.0 - 1e-6)
         self._speed_limit = config.speed_fraction * speed_limit
         self._cycles_at_limit = np.zeros((*shape, len(joints)), dtype=np.int_)
+        self._sides: tuple[Side, ...] = tuple(
+            side for joint in joints for side in SIDES if joint.startswith(side)
+        )
+        self._watched = np.ones(len(joints), dtype=np.bool_)
+
+    def release(self, joints: Mask) -> None:
+        """No longer check joints (n,): they have stopped."""
+        self._watched &= ~joints
 
     def outside(self, q: Vector, speed: Vector, torque: Vector, reference: Vector) -> Mask:
         """Tell which joints (..., n) are outside what the controller allows; call once a cycle.
@@ -80,10 +112,13 @@ class Guard:
         outside = self.outside(q, speed, torque, reference)
         if not np.count_nonzero(outside):
             return
+        outside &= self._watched
+        if not outside.any():
+            return
         error, speed = np.abs(q - reference), np.abs(speed)
         kind = int(np.argmax(outside.any(axis=1)))
         measures = (error, speed / self._speed_limit, self._cycles_at_limit, outside[3])
-        i = int(np.argmax(measures[kind]))
+        i = int(np.argmax(np.where(self._watched, measures[kind], -1.0)))
         name, allowed = self._joints[i], self._config.following_error_rad
         raise ProtectiveStop(
             (
@@ -92,7 +127,8 @@ class Guard:
                 f"{name} is at its torque limit of {self._torque_limit[i]:.1f} N m "
                 f"for {self._cycles_at_limit[i]} cycles",
                 f"{name} is at its range's end, {np.degrees(q[i]):.1f} degrees",
-            )[kind]
+            )[kind],
+            *self._sides[i : i + 1],
         )
 
 
@@ -109,6 +145,11 @@ class SensorGuard:
         self._cycles = np.zeros((2, *shape, len(sides)), dtype=np.int_)
         allowed = np.array([config.sensor_cycles, config.lost_cycles])
         self._allowed = allowed.reshape(2, *[1] * (len(shape) + 1))
+        self._watched = np.ones(len(sides), dtype=np.bool_)
+
+    def release(self, sides: Collection[Side]) -> None:
+        """No longer check the sensors of arms that have stopped."""
+        self._watched &= [side not in sides for side in self._sides]
 
     def outside(self, clipped: Mask, fresh: Mask) -> Mask:
         """Tell which sensors were at their range's end, or lost, for too long; once a cycle.
@@ -131,9 +172,13 @@ class SensorGuard:
         outside = self.outside(clipped, fresh)
         if not np.count_nonzero(outside):
             return
+        outside &= self._watched
+        if not outside.any():
+            return
         kind, i = np.argwhere(outside)[0]
         axes = ", ".join(np.array(SENSOR_AXES)[clipped[i]])
         does = (f"is at the end of its range ({axes})", "has told nothing new")[kind]
         raise ProtectiveStop(
-            f"the {self._sides[i]} sensor {does} for {self._cycles[kind, i]} cycles"
+            f"the {self._sides[i]} sensor {does} for {self._cycles[kind, i]} cycles",
+            self._sides[i],
         )

@@ -98,6 +98,12 @@ class CommandResponse:
         position: Vector = self._state[..., 0, :].copy()
         return position
 
+    @property
+    def speed(self) -> Vector:
+        """Reference speed at the end of the last cycle (..., joints) [rad/s]."""
+        speed: Vector = self._state[..., 1, :].copy()
+        return speed
+
     def reset(self, position: ArrayLike) -> None:
         """Rest at a position (..., joints) [rad] that is also the last set-point."""
         self._state[..., 0, :] = self._state[..., 2, :] = position

@@ -46,7 +46,11 @@ def common_metrics(result: RunRecord) -> dict[str, Metric]:
     trace, wall = result.trace, result.wall_time_s
     ages = [trace[f"{side}_command_age"] for side in SIDES if f"{side}_command_age" in trace]
     stale: list[float | None] = [float(np.count_nonzero(age > 0.0)) for age in ages]
+    after = after_stop_signals(result)
+    slips = {f"{side}_slip": trace[f"{side}_slip"] for side in SIDES if f"{side}_slip" in trace}
     return {
+        **{f"peak_{name}": Metric(peak(slip), "m") for name, slip in slips.items()},
+        **{name: Metric(peak(after[name]), unit) for name, unit in _AFTER_STOP.items() if after},
         "ik_residual_max": Metric(peak(trace["ik_position"]), "m"),
         "ik_rotation_residual_max": Metric(peak(trace["ik_rotation"]), "rad"),
         "unintended_contacts": Metric(
@@ -60,6 +64,35 @@ def common_metrics(result: RunRecord) -> dict[str, Metric]:
         "realtime_factor": Metric(result.simulated_s / wall, "1"),
         "wall_time": Metric(wall, "s"),
     }
+
+
+def after_stop_signals(result: RunRecord) -> dict[str, Vector]:
+    """Return what the sheet bears after a protective stop (rows,), NaN before; {} without one.
+
+    The larger one of both grips' forces and moments, and the surface strain.
+    """
+    trace, rows = result.trace, result.stopped
+    if not rows.any():
+        return {}
+    parts = {
+        part: np.max(
+            [np.sqrt(sum(trace[f"{side}_true_{part}_{a}"] ** 2 for a in "xyz")) for side in SIDES],
+            axis=0,
+        )
+        for part in ("force", "moment")
+    }
+    signals = (parts["force"], parts["moment"], surface_strain(result))
+    return {
+        name: np.where(rows, signal, np.nan)
+        for name, signal in zip(_AFTER_STOP, signals, strict=True)
+    }
+
+
+_AFTER_STOP = {
+    "after_stop_peak_force": "N",
+    "after_stop_peak_moment": "N m",
+    "after_stop_peak_strain": "1",
+}
 
 
 def peak_by_piece(result: RunRecord) -> list[float]:
@@ -79,11 +112,8 @@ def peak_by_piece(result: RunRecord) -> list[float]:
 
 
 def surface_strain(result: RunRecord) -> Vector:
-    """Return the largest surface strain of each row, ε = |Δθ| t / (2 h) (rows,)."""
-    config, sheet = result.scenario.sheet, result.scenario.sheet.sheet()
-    spacing = sheet.length_m / config.model.sections
-    curvature = np.abs(result.trace.bends).max(axis=1, initial=0.0) / spacing
-    return np.asarray(curvature * sheet.thickness_m / 2.0)
+    """Return the largest surface strain of each row, of the true sheet (rows,)."""
+    return result.scenario.true_sheet.surface_strain(result.trace.bends)
 
 
 def side_by_side(

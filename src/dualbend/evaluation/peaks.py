@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.evaluation.metrics import after_stop_signals
 from dualbend.run.record import Metric, RunRecord
 from dualbend.types import Vector
 
@@ -58,4 +59,5 @@ def common_peaks(result: RunRecord) -> dict[str, Vector]:
     return {
         "ik_residual_max": np.abs(trace["ik_position"]),
         "ik_rotation_residual_max": np.abs(trace["ik_rotation"]),
+        **after_stop_signals(result),
     }

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cached_property
 
 import mujoco
 import numpy as np
 
 from dualbend.beam import elastica
+from dualbend.control.brake import Brakes
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.response import CommandResponse
 from dualbend.control.servo import IntegralAction, JointServo
@@ -20,7 +22,7 @@ from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.sheet.model import ShellModel
 from dualbend.scene.sheet.strips import StripConfig
 from dualbend.scene.simulation import Observation, SensorSample, Simulation
-from dualbend.types import Vector
+from dualbend.types import Mask, Side, Vector
 
 
 class RobotCell:
@@ -41,7 +43,7 @@ class RobotCell:
         self.servo = make_servo(scenario, robots, self.home)
         step_s = scenario.physics.step_s
         config = scenario.sheet
-        self.sheet = scenario.task.true_sheet(config.sheet())
+        self.sheet = scenario.true_sheet
         model = without_looks(self._compose(looks=False)).compile()
         self.simulation = Simulation(
             model,
@@ -50,6 +52,7 @@ class RobotCell:
             if isinstance(config.model, StripConfig)
             else ShellModel(model, self.sheet, config.model),
             latency_steps=scenario.sensor.latency_steps(step_s),
+            width_m=self.sheet.width_m,
         )
         errors, simulation = scenario.imperfections.robot, self.simulation
         believed = BelievedArms(robots)
@@ -66,6 +69,12 @@ class RobotCell:
             len(self.home),
             steps_per_cycle(step_s, COMMAND_PERIOD_S),
             period_s=COMMAND_PERIOD_S,
+        )
+        self.brakes = Brakes(
+            len(self.home),
+            self.response.steps,
+            period_s=COMMAND_PERIOD_S,
+            time_s=scenario.guard.stop_time_s,
         )
 
     def _compose(self, *, looks: bool) -> mujoco.MjSpec:
@@ -116,6 +125,7 @@ class RobotCell:
     def rest(self) -> None:
         """Let response and servos be at rest in the start."""
         self.response.reset(self.home)
+        self.brakes.reset()
         self.integral.reset()
         if self._friction is not None:
             self._friction.rest()
@@ -137,10 +147,23 @@ class RobotCell:
         error = self.simulation.sensor_axes.mT @ self._believed.sensor_axes(seen.q)
         return np.asarray(rotation @ error)
 
+    @property
+    def reference(self) -> Vector:
+        """Joint angles (n,) that the servos are sent to at the start of a cycle [rad]."""
+        return self.brakes.position(self.response.position)
+
+    def stop(self, sides: Iterable[Side]) -> Mask:
+        """Stop arms from where and how fast their references are; returns which joints (n,)."""
+        joints = np.zeros(len(self.home), dtype=np.bool_)
+        for side in sides:
+            joints[self.arms.joints(side)] = True
+        self.brakes.stop(joints, self.response.position, self.response.speed)
+        return joints
+
     def send(self, q: Vector) -> SensorSample:
         """Run one command cycle towards the joint set-points (n,) [rad]."""
-        offset = self.integral.update(self.response.position - self.simulation.q)
-        reference = self.response.update(q)
+        offset = self.integral.update(self.reference - self.simulation.q)
+        reference = self.brakes.update(self.response.update(q))
         return self.simulation.advance(
             self.servo.setpoint(reference.position, reference.velocity, reference.acceleration)
             + offset

@@ -36,7 +36,7 @@ from dualbend.scenario.sections import Outcome
 from dualbend.scene.ik import Targets
 from dualbend.scene.simulation import PLANAR, Observation, SensorSample, tool_mass_and_centre
 from dualbend.scene.warnings import SimulationFailed, refuse_warnings, warnings_counted_only
-from dualbend.types import SIDES, PlanarPose, Vector
+from dualbend.types import SIDES, PlanarPose, Side, Vector
 
 
 class Run:
@@ -97,13 +97,14 @@ class Run:
             self.compliance(self.scenario), delay_cycles=alter.delay_cycles, mode=alter.mode
         )
         self.trace = TraceRecorder(
-            self.cycles,
+            self.cycles + self.scenario.guard.after_stop_cycles,
             self.sensors.arms,
             simulation.model.nq,
             self.scenario.sheet.model.sections,
             simulation.joints,
             task_of(self.scenario).part("columns")(self.scenario),
             link=self.scenario.imperfections.link.errs,
+            slips=self.scenario.grasp.friction is not None,
         )
         self._link = make_link(self.scenario, self.cell)
         self._guard = Guard(
@@ -114,6 +115,7 @@ class Run:
             self.cell.arms.speed_limit,
         )
         self._sensor_guard = SensorGuard(self.scenario.guard, [SIDES[i] for i in self.sensors.arms])
+        self.stopped: set[Side] = set()
         self._on_cycle = on_cycle
         self._q = self._previous = self.cell.home
         self.sample = self.start()
@@ -128,11 +130,13 @@ class Run:
             with warnings_counted_only():
                 self.begin(on_cycle)
                 started = time.perf_counter()
-                while self.step():
-                    pass
-                refuse_warnings(simulation.data)
-        except ProtectiveStop as stop:
-            outcome, reason = "protective_stop", str(stop)
+                try:
+                    while self.step():
+                        pass
+                except ProtectiveStop as stop:
+                    outcome, reason = "protective_stop", self._run_on(stop)
+                else:
+                    refuse_warnings(simulation.data)
         except TaskStopped as stop:
             outcome, reason = "aborted", str(stop)
         except (SimulationFailed, ControllerFailed) as failure:
@@ -140,9 +144,51 @@ class Run:
         except KeyboardInterrupt as interrupt:
             ended_by = getattr(interrupt, "signal", signal.SIGINT)
             outcome, reason = "failed", "interrupted by the user"
-        if reason:
+        if reason and outcome != "protective_stop":
             reason = f"{reason}, at {simulation.data.time:.3f} s"
         return self.record(outcome, reason, time.perf_counter() - started, ended_by)
+
+    def _run_on(self, stop: ProtectiveStop) -> str:
+        """Run on as long after a stop as the scenario says; return all that happened, in words."""
+        data, guard = self.cell.simulation.data, self.scenario.guard
+        told = self._stop(stop)
+        # The cycle in which an arm stops is begun: nobody commands any more in it.
+        begun = True
+        try:
+            for _ in range(guard.after_stop_cycles):
+                try:
+                    if begun or self.stopped == set(SIDES):
+                        self._coast(begun=begun)
+                        begun = False
+                    elif not self.step():
+                        break
+                except ProtectiveStop as another:
+                    told, begun = f"{told}; {self._stop(another)}", True
+        except (TaskStopped, SimulationFailed, ControllerFailed) as ended:
+            told = f"{told}; then {ended}, at {data.time:.3f} s"
+        return told
+
+    def _stop(self, stop: ProtectiveStop) -> str:
+        """Stop the arms that a stop is of, and the other one where it stops with it.
+
+        Or where the arm had stopped already: then something that both need has failed.
+        """
+        alone = self.scenario.guard.other_arm == "continue" and not self.stopped >= {*stop.sides}
+        self.stopped |= {*(stop.sides if alone else SIDES)}
+        self._guard.release(self.cell.stop(self.stopped))
+        self._sensor_guard.release(self.stopped)
+        return f"{stop}, at {self.cell.simulation.data.time:.3f} s"
+
+    def _coast(self, *, begun: bool) -> None:
+        """Let a cycle pass without a command: an arm that has not stopped goes on as it did."""
+        if begun:
+            self.cell.simulation.observe()
+        else:
+            self.observe(0, self._nominal)
+        self._previous, self._q = self._q, 2.0 * self._q - self._previous
+        self.sample = self.cell.send(self._q)
+        if self._on_cycle is not None:
+            self._on_cycle(self.trace.rows)
 
     def record(
         self, outcome: Outcome, reason: str = "", wall_time_s: float = 0.0, signal: int = 0
@@ -166,13 +212,13 @@ class Run:
 
     def observe(self, phase: int, nominal: Vector) -> Observation:
         """Observe, record and check; ``nominal`` is α [rad], half distance and height [m]."""
-        self._began = time.perf_counter()
+        self._began, self._nominal = time.perf_counter(), nominal
         simulation, trace = self.cell.simulation, self.trace
         seen = simulation.observe()
         refuse_warnings(simulation.data)
         trace.observe(
             trace.rows * COMMAND_PERIOD_S,
-            phase,
+            len(task_of(self.scenario).phases) if self.stopped else phase,
             nominal,
             seen,
             simulation.data.qpos,
@@ -181,13 +227,30 @@ class Run:
         if self.scenario.guard.contact == "stop":
             for contact in simulation.contacts:
                 raise ProtectiveStop(str(contact))
-        self._guard.check(seen.q, seen.speed, seen.torque, self.cell.response.position)
+        self._guard.check(seen.q, seen.speed, seen.torque, self.cell.reference)
+        self._watch_grips()
+        stop = self.scenario.imperfections.events.arm_stop
+        if stop is not None and stop.side not in self.stopped and stop.due(simulation.data.time):
+            raise ProtectiveStop(f"the {stop.side} arm stops, as events.arm_stop says", stop.side)
         return seen
 
     def read(self, seen: Observation) -> WrenchReading:
         """Return what the wrist sensors tell, the tools' weight taken off by measured angles."""
         axes = self.cell.believed_axes(self.sample.rotation, seen)
         return self.sensors.read(self.sample.wrench, axes)
+
+    def _watch_grips(self) -> None:
+        """Record how far the sheet has slid, and stop the task where a grip has lost it."""
+        simulation, sliding = self.cell.simulation, self.cell.simulation.sliding
+        if sliding is None:
+            return
+        events = self.scenario.imperfections.events
+        if events.grips:
+            sliding.share = events.friction_share(simulation.data.time)
+        self.trace.record_slip(np.hypot(*sliding.slip[:, :2].T))
+        for side, dropped in zip(SIDES, sliding.dropped, strict=True):
+            if dropped:
+                raise TaskStopped(f"the {side} gripper has dropped the sheet")
 
     def control(
         self, seen: Observation, phase: str, nominal: PlanarPose, reading: WrenchReading

@@ -15,12 +15,11 @@ from dualbend.types import Vector
 
 def hinge_moments(result: RunRecord) -> Vector:
     """Return the moment of each bending hinge at every cycle (rows, hinges) [N m]."""
-    bends = result.trace.bends
-    config = result.scenario.sheet
-    sheet = config.sheet()
+    config, sheet = result.scenario.sheet, result.scenario.true_sheet
+    spacing = sheet.length_m / config.model.sections
+    bends = result.trace.bends + sheet.rest_curvature_per_m * spacing
     if sheet.plasticity is None:
         return np.asarray(result.bend_stiffness * bends)
-    spacing = sheet.length_m / config.model.sections
     moments = hinge_springs(sheet, config.strips).follow(bends / spacing)
     return np.asarray(result.bend_stiffness * spacing * moments)
 

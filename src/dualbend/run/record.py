@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 import mujoco
+import numpy as np
 
 from dualbend.errors import InputError, refusing
 from dualbend.registry import TASKS, Task
@@ -18,7 +19,10 @@ from dualbend.run.identity import RunIdentity
 from dualbend.run.trace import Trace
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.contacts import Contact
-from dualbend.types import SIDES, Side, Vector
+from dualbend.types import SIDES, Mask, Side, Vector
+
+STOPPED = "stopped"
+"""Phase after those of the task: of the rows after a protective stop."""
 
 TableRow = dict[str, str | float | bool | None]
 
@@ -147,8 +151,13 @@ class RunRecord:
 
     @property
     def phases(self) -> tuple[str, ...]:
-        """Names of the phases, which the trace's column ``phase`` counts."""
-        return self.task.phases
+        """Names of the phases, which the trace's column ``phase`` counts, and that of a stop."""
+        return (*self.task.phases, STOPPED)
+
+    @property
+    def stopped(self) -> Mask:
+        """Which rows (rows,) are after a protective stop."""
+        return np.asarray(self.trace["phase"] == len(self.task.phases))
 
     @property
     def expected(self) -> bool:

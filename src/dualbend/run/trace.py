@@ -44,6 +44,7 @@ def trace_columns(
     task: Sequence[tuple[str, str]] = (),
     *,
     link: bool = False,
+    slips: bool = False,
 ) -> dict[str, list[tuple[str, str]]]:
     """Return names and units of a trace's columns in their order, those of one origin together.
 
@@ -79,12 +80,13 @@ def trace_columns(
         },
         "saturated": [("saturated", "1")],
         "link": [(f"{side}_command_age", "cycles") for side in SIDES if link],
+        "slip": [(f"{side}_slip", "m") for side in SIDES if slips],
         "task": list(task),
         "wall": [("wall_s", "s")],
     }
 
 
-OBSERVED = ("clock", "nominal", "grip", "edge", "true", "sag", "bend", "q", "torque")
+OBSERVED = ("clock", "nominal", "grip", "edge", "true", "sag", "bend", "q", "torque", "slip")
 """Groups of columns that every row has from its start; the others are of a completed row."""
 
 
@@ -218,6 +220,8 @@ class TraceRecorder(Trace):
         Further columns, with their units, that only this task has.
     link
         The command link makes errors: there are columns for the age of what it delivered.
+    slips
+        The sheet may slide in the grips.
     """
 
     def __init__(
@@ -230,8 +234,9 @@ class TraceRecorder(Trace):
         task: Sequence[tuple[str, str]] = (),
         *,
         link: bool = False,
+        slips: bool = False,
     ) -> None:
-        groups = trace_columns(sensing, hinges, joints, task, link=link)
+        groups = trace_columns(sensing, hinges, joints, task, link=link, slips=slips)
         self.columns = [column for group in groups.values() for column in group]
         self._sensing = sensing
         ends = np.cumsum([len(group) for group in groups.values()]).tolist()
@@ -266,6 +271,10 @@ class TraceRecorder(Trace):
         if self.rows:
             row[at["task"]] = self._table[self.rows - 1][at["task"]]
         self.rows += 1
+
+    def record_slip(self, slip: Vector) -> None:
+        """Add how far the sheet has slid in each grip (2,) [m] to the row."""
+        self._table[self.rows - 1][self._slices["slip"]] = slip
 
     def record_task(self, values: Sequence[float]) -> None:
         """Add the task's own columns to the row."""

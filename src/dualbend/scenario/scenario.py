@@ -12,11 +12,14 @@ import msgspec
 import tomli_w
 
 from dualbend.beam import elastica
+from dualbend.beam.sheet import Sheet
 from dualbend.control.compliance.admittance import AdmittanceConfig, ComplianceConfig
 from dualbend.control.filters import FirConfig, LowPassConfig
 from dualbend.control.force_torque import ForceTorqueConfig
 from dualbend.control.guard import GuardConfig
+from dualbend.errors import InputError
 from dualbend.imperfection.config import ImperfectionsConfig, PresetName, alone
+from dualbend.imperfection.sheet import true_sheet
 from dualbend.scenario.motion import MotionConfig, make_time_law
 from dualbend.scenario.path import PathConfig
 from dualbend.scenario.sections import (
@@ -67,6 +70,12 @@ class Scenario(Config):
         """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""
         check_joint_counts(self.robot, self.cell, self.imperfections.robot)
         self.task.check(self.sheet, self.motion)
+        self._refuse_curved_shell()
+        if self.imperfections.events.grips and self.grasp.friction is None:
+            raise InputError(
+                "imperfections.events.power_failure and oil change the friction of a grip, and "
+                "grasp.friction = none never slides: give it, 0.5 for example"
+            )
         self.path.make(self.sheet.length_m)  # refuses a table that does not suit the sheet
         self._resolve_curvature()
         law = make_time_law(self.path, self.motion)
@@ -86,6 +95,15 @@ class Scenario(Config):
                 f"run of {total:.4g} s; the longest is {LONGEST_RUN_S:.0f} s"
             )
 
+    def _refuse_curved_shell(self) -> None:
+        errors = self.imperfections.sheet
+        if errors.curved and self.sheet.model.kind == "shell":
+            raise InputError(
+                f"imperfections.sheet.curvature_per_m = {errors.curvature_per_m:g}, "
+                f"curvature_spread_per_m = {errors.curvature_spread_per_m:g}: a shell is flat at "
+                'rest; 0, or sheet.model = "strips"'
+            )
+
     def _resolve_curvature(self) -> None:
         """Take the width's rigidity at the path's largest curvature, (4 K/L) sin(α/2)."""
         sheet = self.sheet
@@ -99,6 +117,12 @@ class Scenario(Config):
     def limit_strain(self) -> float | None:
         """Surface strain at which the sheet yields or breaks; None: not known."""
         return self.task.limit_strain(self.sheet.limit_strain, self.sheet.sheet())
+
+    @property
+    def true_sheet(self) -> Sheet:
+        """The sheet as it is, which only the physics knows; ``sheet`` is the believed one."""
+        believed = self.task.true_sheet(self.sheet.sheet())
+        return true_sheet(believed, self.imperfections.sheet, self.seed)
 
     def to_toml(self) -> str:
         """Return the resolved scenario: loading it again gives an equal object."""

@@ -29,6 +29,9 @@ _HOLD_WEIGHT = 10.0, 1e-3
 
 _PEDESTAL_FROM_M = 0.02
 
+PAD_LENGTH_M, PAD_WIDTH_M = 0.020, 0.060
+"""Of a rubber pad, along the sheet and across it."""
+
 _JAW_STIFFNESS_N_PER_M, _JAW_FORCE_N = 2e4, 40.0
 
 
@@ -88,6 +91,13 @@ class GraspConfig(Config):
         float, said("of the pads about x, y and z", ge=1e-3, le=1e9)
     ] = 267.0
     loss_time_s: Annotated[float, said("damping over stiffness; rubber", ge=0, le=0.1)] = 1.6e-3
+    friction: (
+        Annotated[float, said("of the pads on the sheet; none: it never slides [-]", ge=0.01, le=5)]
+        | None
+    ) = None
+    normal_force_n: Annotated[float, said("of each jaw on the sheet; assumed", ge=0.1, le=1e5)] = (
+        40.0
+    )
 
 
 def robots_only(arms: ArmPair) -> mujoco.MjSpec:
@@ -265,7 +275,7 @@ def _add_jaw_drives(spec: mujoco.MjSpec, side: Side) -> None:
         spec.body(f"{side}_{jaw}").add_geom(
             name=f"{side}_{jaw}_rubber",
             type=BOX,
-            size=[0.010, 0.030, 0.0015],
+            size=[PAD_LENGTH_M / 2, PAD_WIDTH_M / 2, 0.0015],
             pos=[0.0, 0.0, above * 0.0015],
             mass=0.0,
             contype=0,

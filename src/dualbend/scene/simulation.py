@@ -12,10 +12,11 @@ from dualbend.arm import mjcf as arm
 from dualbend.arm.pair import arm_joints
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.delay import TransportDelay
-from dualbend.scene.cell import PAD_SITE, GraspConfig, harden_holds
+from dualbend.scene.cell import PAD_SITE, PAD_WIDTH_M, GraspConfig, harden_holds
 from dualbend.scene.contacts import UnintendedContacts
 from dualbend.scene.sheet.model import SheetModel, StripModel
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
+from dualbend.scene.slip import SlidingGrips
 from dualbend.types import SIDES, Vector, matvec
 
 # A turn by π about z takes the left arm's bending frame to the right arm's: x and y change sign.
@@ -71,6 +72,8 @@ class Simulation:
     latency_steps
         Age of the sensor sample at the start of the cycle that uses it [physics steps]. The
         youngest is one step old: the force that acts during a step is known when it is done.
+    width_m
+        Of the sheet, for the friction of the grips.
     """
 
     def __init__(
@@ -79,6 +82,7 @@ class Simulation:
         grasp: GraspConfig,
         sheet: StripConfig | SheetModel,
         latency_steps: int = 0,
+        width_m: float = PAD_WIDTH_M,
     ) -> None:
         harden_holds(model)
         self.model, self.data = model, mujoco.MjData(model)
@@ -94,7 +98,7 @@ class Simulation:
         self.sheet = StripModel(model, sheet) if isinstance(sheet, StripConfig) else sheet
         self.bend_stiffness = self.sheet.bend_stiffness
         """Moment over bending angle [N m/rad]."""
-        self._hold_ids(grasp)
+        self._hold_ids(grasp, width_m)
         self.contacts = UnintendedContacts(model, self.data)
         self.on_step: list[Callable[[], None]] = []
         """Called after every physics step, where once per cycle would miss a peak."""
@@ -105,7 +109,7 @@ class Simulation:
         self._sample_step = self.steps - 1 - within
         self._line = TransportDelay(whole, 2 * (6 + 9))
 
-    def _hold_ids(self, grasp: GraspConfig) -> None:
+    def _hold_ids(self, grasp: GraspConfig, width_m: float) -> None:
         model = self.model
         self._grips = [model.site(f"{side}_{arm.GRIP_SITE}").id for side in SIDES]
         self._pads = [model.site(f"{side}_{PAD_SITE}").id for side in SIDES]
@@ -121,6 +125,10 @@ class Simulation:
             [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad], 3
         )
         self._pad_damping = grasp.loss_time_s * self._pad_stiffness
+        self.sliding = (
+            None if grasp.friction is None else SlidingGrips(model, self.data, grasp, width_m)
+        )
+        self._displaced = np.zeros((2, 6))
         self._drives = slice(0, len(self._q))
         jaws = [model.joint(f"{side}_{jaw}") for side in SIDES for jaw in arm.JAW_JOINTS]
         self._jaw_q = [jaw.qposadr[0] for jaw in jaws]
@@ -128,6 +136,11 @@ class Simulation:
     def reset(self, positions: Vector) -> SensorSample:
         """Start at rest in positions from :meth:`positions` (nq,) and return the first sample."""
         mujoco.mj_resetData(self.model, self.data)
+        if self.sliding is not None:
+            moved = self.sliding.offset.any()
+            self.sliding.reset()
+            if moved:
+                self.displace_grasps(np.zeros((2, 6)))
         self.data.qpos[:] = positions
         self.data.ctrl[self._drives] = positions[self._q]
         mujoco.mj_forward(self.model, self.data)
@@ -178,7 +191,10 @@ class Simulation:
         load = (
             self._pad_stiffness * data.qpos[self._pad_q]
             + self._pad_damping * data.qvel[self._pad_dof]
-        ).reshape(2, 2, 3)
+        )
+        if self.sliding is not None and any(self.sliding.sliding):
+            self.sliding.replace(load)
+        load = load.reshape(2, 2, 3)
         wrench = (load @ grip_axes.transpose(0, 2, 1)) * BENDING_TO_WORLD[:, np.newaxis]
         grip, edge = self._planar()
         return Observation(
@@ -233,6 +249,9 @@ class Simulation:
 
         The sheet follows within a step, so change it little by little.
         """
+        self._displaced = errors
+        if self.sliding is not None:
+            errors = errors + self.sliding.offset
         # A site that was compiled onto its body's frame would stay there whatever its place says.
         self.model.site_sameframe[self._pads] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         cosines, sines = np.cos(errors[:, 3:] / 2), np.sin(errors[:, 3:] / 2)
@@ -251,6 +270,8 @@ class Simulation:
         What is fed forward is of the cycle's start.
         """
         model, data = self.model, self.data
+        if self.sliding is not None and self.sliding.look():
+            self.displace_grasps(self._displaced)
         if self.fed_forward is None:
             feed_forward = data.qfrc_bias[self.dofs] - data.qfrc_gravcomp[self.dofs]
         else:
@@ -265,6 +286,8 @@ class Simulation:
                 mujoco.mj_step2(model, data)
             if step == self._sample_step:
                 sample = self._sense()
+            if self.sliding is not None and self.sliding.near and self.sliding.slide():
+                self.displace_grasps(self._displaced)
             self.contacts.on_step()
             for act in self.on_step:
                 act()

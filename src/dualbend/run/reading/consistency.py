@@ -67,13 +67,15 @@ def columns_of(scenario: Scenario) -> dict[str, list[tuple[str, str]]]:
         ],
         task_of(scenario).part("columns")(scenario),
         link=scenario.imperfections.link.errs,
+        slips=scenario.grasp.friction is not None,
     )
 
 
 def refuse_too_many(rows: int, scenario: Scenario) -> None:
     """Raise InputError where a trace has more rows than a run of the scenario has cycles."""
     cycles = task_of(scenario).part("cycles")
-    if cycles is not None and rows > (most := cycles(scenario)):
+    after = scenario.guard.after_stop_cycles
+    if cycles is not None and rows > (most := cycles(scenario) + after):
         raise InputError(f"has {rows} rows; a run of scenario.toml has at most {most}")
 
 
@@ -133,6 +135,9 @@ def _refuse_values(run: RunRecord, groups: dict[str, list[tuple[str, str]]]) -> 
     """Refuse what is no number; the last row of a run that did not complete may be cut short."""
     unknown = _unknown(run, [name for name, _ in groups["task"]])
     cut = np.arange(run.trace.rows) == run.trace.rows - 1
+    if run.outcome == "protective_stop":
+        # The cycle that was begun, and those of arms that nobody commands.
+        cut |= run.stopped | np.append(run.stopped[1:], False)
     if run.outcome == "completed":
         cut[-1] = False
     largest = np.finfo(float).max if run.outcome == "failed" else _LARGEST

@@ -104,7 +104,8 @@ def add_sheet(
     if sheet.plasticity is not None:
         springs = hinge_springs(sheet, config)
         for hinge in range(n):
-            _add_yielding(spec, hinge, springs, h, sheet.bending_stiffness_nm2 / h)
+            stiffness, rest = sheet.bending_stiffness_nm2 / h, rest_angle(sheet, config)
+            _add_yielding(spec, hinge, springs, h, stiffness, rest)
     for direction, site, yaw in ((-1, LEFT_END, 0.0), (1, RIGHT_END, math.pi)):
         # A body of its own, fixed to the strip: a harder hold must not make harder contacts.
         edge = _add_half(middle, sheet, config, direction).add_body(name=f"{site}_edge")
@@ -117,6 +118,11 @@ def hinge_springs(sheet: Sheet, config: StripConfig) -> HingeSprings:
     return sheet.plasticity.springs(sheet.thickness_m, config.springs)
 
 
+def rest_angle(sheet: Sheet, config: StripConfig) -> float:
+    """Return the angle of each bending hinge of the free sheet, −κ h [rad]."""
+    return -sheet.rest_curvature_per_m * sheet.length_m / config.hinges
+
+
 def hinge_stiffness(model: mujoco.MjModel, hinge: int) -> float:
     """Return the elastic stiffness of a bending hinge with all its springs [N m/rad]."""
     joint = model.joint(bend_joint(hinge)).id
@@ -126,7 +132,7 @@ def hinge_stiffness(model: mujoco.MjModel, hinge: int) -> float:
 
 
 def _add_yielding(
-    spec: mujoco.MjSpec, hinge: int, springs: HingeSprings, h: float, stiffness: float
+    spec: mujoco.MjSpec, hinge: int, springs: HingeSprings, h: float, stiffness: float, rest: float
 ) -> None:
     """Put the yielding springs on a hinge; the joint's own is what never yields."""
     rows = np.column_stack((springs.share, springs.yield_curvature)).tolist()
@@ -136,7 +142,7 @@ def _add_yielding(
         tendon.stiffness = [share * stiffness, 0.0, 0.0]
         tendon.springyield = curvature * h
         # Without it the rest length is that of qpos_spring, which is the same.
-        tendon.springlength = [0.0, 0.0]
+        tendon.springlength = [rest, rest]
 
 
 def _add_half(
@@ -154,15 +160,17 @@ def _add_half(
         strip = n // 2 + direction * (i + 1)
         hinge = min(strip, strip - direction)
         body = parent.add_body(name=strip_body(strip), pos=[offset, 0.0, 0.0])
-        joints = [(bend_joint(hinge), [0, direction, 0], elastic, bend)]
+        rest = rest_angle(sheet, config)
+        joints = [(bend_joint(hinge), [0, direction, 0], elastic, bend, rest)]
         if i % _TWIST_EVERY == 0:
-            joints.append((twist_joint(hinge), [direction, 0, 0], 1.0, twist))
-        for name, axis, share, stiffness in joints:
+            joints.append((twist_joint(hinge), [direction, 0, 0], 1.0, twist, 0.0))
+        for name, axis, share, stiffness, sprung_at in joints:
             body.add_joint(
                 name=name,
                 type=mujoco.mjtJoint.mjJNT_HINGE,
                 axis=axis,
                 stiffness=share * stiffness,
+                springref=sprung_at,
                 damping=beta * stiffness,
             )
         length = h / 2 if i == n // 2 - 1 else h

@@ -132,13 +132,12 @@ def _evaluated(result: RunRecord, index: int) -> Trial:
     success = result.outcome == "completed" and count == len(HOLES) * config.sheets
     phase, cause = "", ""
     if result.outcome != "completed":
-        phase, cause = _phase(result.phases, result.trace), cause_of(result.reason)
+        phase, cause = _phase(result.task.phases, result.trace), cause_of(result.reason)
     elif not success:
         phase, cause = AFTER, NOT_SEATED
     forces = [row["peak_force_n"] for row in pin_table(result)] if result.trace.rows else []
     strain = surface_strain(result)
-    # The trace's bends, with the thickness that the sheet really has.
-    strain = strain[np.isfinite(strain)] * config.errors.thickness_factor
+    strain = strain[np.isfinite(strain)]
     return trial(
         result.scenario,
         index,
@@ -155,7 +154,11 @@ def _evaluated(result: RunRecord, index: int) -> Trial:
 
 
 def _phase(phases: tuple[str, ...], trace: Trace | None) -> str:
-    return phases[int(trace["phase"][-1])] if trace is not None and trace.rows else BEFORE
+    """Return the phase in which a run ended: of one that stopped, that of the stop."""
+    if trace is None or not trace.rows:
+        return BEFORE
+    told = trace["phase"][trace["phase"] < len(phases)]
+    return phases[int(told[-1])]
 
 
 def cause_of(reason: str) -> str:

@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.evaluation.metrics import common_metrics, peak, surface_strain
+from dualbend.evaluation.metrics import (
+    after_stop_signals,
+    common_metrics,
+    peak,
+    surface_strain,
+)
 from dualbend.planning.plan import plan_assembly
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scene.bed.config import HOLES
@@ -36,7 +41,7 @@ def final_holes(result: RunRecord) -> Vector:
             laid.append(np.array(columns))
     holes = np.array(laid).reshape(len(laid), len(HOLES), 3)
     # Each sheet rests on those before it.
-    thickness = assembly.true_sheet(result.scenario.sheet.sheet()).thickness_m
+    thickness = result.scenario.true_sheet.thickness_m
     holes[:, :, 2] -= thickness * np.arange(len(laid))[:, np.newaxis]
     return holes
 
@@ -62,6 +67,7 @@ def peaks(result: RunRecord) -> dict[str, Vector]:
         "peak_edge_force": np.max([trace[f"edge_force_{hole}"] for hole in HOLES], axis=0),
         "peak_surface_strain": surface_strain(result),
         "ik_residual_max": np.abs(trace["ik_position"]),
+        **after_stop_signals(result),
     }
 
 

@@ -332,7 +332,7 @@ class AssemblyRun(Run):
                 *self.pins.offsets().ravel(),
             ]
         )
-        strain = self._surface_strain()
+        strain = float(self.cell.sheet.surface_strain(self.cell.simulation.bending_angles))
         if strain > self._limit_strain:
             raise SimulationFailed(
                 f"{PHASES[goal.phase]}: the sheet's surface strain is {strain:.2e}, above yield, "
@@ -348,12 +348,6 @@ class AssemblyRun(Run):
                     f"{PHASES[goal.phase]}: the force on the {HOLES[worst]} {what} is "
                     f"{force[worst]:.1f} N, above {limit:g} N"
                 )
-
-    def _surface_strain(self) -> float:
-        """Return the largest surface strain, ε = |Δθ| t / (2 h)."""
-        sheet, hinges = self.cell.sheet, self.scenario.sheet.model.sections
-        curvature = np.abs(self.cell.simulation.bending_angles).max() * hinges / sheet.length_m
-        return float(0.5 * sheet.thickness_m * curvature)
 
 
 def _place(posture: Posture) -> Vector:
