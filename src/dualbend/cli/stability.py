@@ -188,7 +188,7 @@ def _imperfect(rows: Sequence[Row]) -> Iterator[str]:
     parts = [f"{x:.2g} mm"] * (x > 0.0) + [f"{rotation:.2g} mrad"] * (rotation > 0.0)
     if parts:
         yield (
-            f"where a tenth of the dry friction is fed forward wrongly it hunts by up to "
+            "where a tenth of the dry friction is fed forward wrongly it hunts by up to "
             f"{' and '.join(parts)}"
         )
 
