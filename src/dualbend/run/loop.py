@@ -224,7 +224,7 @@ class Run:
             simulation.data.qpos,
             simulation.bending_angles,
         )
-        if self.scenario.guard.contact == "stop":
+        if self.scenario.guard.contact == "stop" and not self.stopped:
             for contact in simulation.contacts:
                 raise ProtectiveStop(str(contact))
         self._guard.check(seen.q, seen.speed, seen.torque, self.cell.reference)

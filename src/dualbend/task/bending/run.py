@@ -66,6 +66,4 @@ class BendingRun(PlanarRun):
         if self._imposed is not None:
             simulation = self.cell.simulation
             self.trace.record_task(simulation.roll_and_yaw().ravel().tolist())
-            errors = np.zeros((2, 6))
-            errors[:, [1, 3, 5]] = self._errors[cycle]
-            simulation.displace_grasps(errors)
+            simulation.displace_grasps(self._errors[cycle])
