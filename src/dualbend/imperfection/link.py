@@ -149,7 +149,8 @@ class _Arm:
         if self._missing >= (1 if config.policy == "stop" else config.stop_cycles):
             raise ProtectiveStop(
                 f"the {self._side} arm's controller got no command for {self._missing} cycle"
-                f"{'s' if self._missing > 1 else ''}"
+                f"{'s' if self._missing > 1 else ''}",
+                self._side,
             )
         if config.policy == "hold":
             return self._executed
