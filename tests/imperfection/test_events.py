@@ -50,7 +50,8 @@ def test_events_of_a_grip_need_its_friction() -> None:
 
 
 def test_friction_that_is_never_met_changes_no_bit_of_a_run() -> None:
-    free, limited = run("fig6", *SHORT), run("fig6", *SHORT, *FRICTION)
+    firm = "grasp.normal_force_n=1000"
+    free, limited = run("fig6", *SHORT), run("fig6", *SHORT, *FRICTION, firm)
     for name in ("left_true_force_x", "right_true_moment_y", "left_q_joint3", "sag"):
         np.testing.assert_array_equal(free[name], limited[name])
     assert limited.metrics["peak_left_slip"].value == 0.0
