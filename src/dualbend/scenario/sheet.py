@@ -35,8 +35,6 @@ def check_sheet(config: SheetConfig) -> None:
 def _refuse_shell(config: SheetConfig) -> None:
     if not isinstance(config.model, ShellConfig):
         return
-    if config.rigidity == "width":
-        raise InputError('rigidity = "width": a shell is a plate: rigidity has no say')
     if config.plastic:
         raise InputError('plastic = true: a shell stays elastic; use model = "strips"')
     if make_sheet(config).anisotropy is not None:
@@ -212,8 +210,11 @@ class SheetConfig(Config):
     )
     rigidity: Annotated[
         Rigidity,
-        said("bends as a beam (EI), as a plate (EI / (1 - nu²)), or between them by its width"),
-    ] = "beam"
+        said(
+            "bends as a beam (EI), as a plate (EI / (1 - nu²)), or between them by its width; a "
+            "shell is a plate"
+        ),
+    ] = "width"
     curvature_per_m: (
         Annotated[
             float,
