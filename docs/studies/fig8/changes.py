@@ -21,6 +21,15 @@ def _scaled(what: str, key: str, values: dict[str, float]) -> tuple[Change, ...]
     return tuple(Change(f"{what} {said}", (f"{key}={value!r}",)) for said, value in values.items())
 
 
+SLOPES = tuple(
+    Change(
+        f"both slopes {said}",
+        tuple(f"task.misalignment.{side}.pitch_rad={rad}" for side in ("left", "right")),
+        limit=0.85,
+    )
+    for said, rad in (("− 5 mrad", -5e-3), ("+ 5 mrad", 5e-3))
+)
+
 CHANGES: tuple[Change, ...] = (
     NOMINAL,
     *_scaled("width", "sheet.width_m", {"− 20 %": 0.24, "+ 20 %": 0.36}),
@@ -33,9 +42,27 @@ CHANGES: tuple[Change, ...] = (
     *_scaled("response", "robot.response.natural_frequency_hz", {"2 Hz": 2, "3 Hz": 3, "4 Hz": 4}),
     Change("one sensor, the other arm mirrors", (_LEFT[0],)),
     Change("one arm senses and complies", _LEFT),
-    Change("a wide sheet's rigidity", ("sheet.rigidity=width",)),
+    Change("a beam's rigidity", ("sheet.rigidity=beam",)),
     Change("a plate's rigidity", ("sheet.rigidity=plate",)),
+    *_scaled(
+        "Coulomb friction over the fed forward one",
+        "imperfections.robot.coulomb_ratio",
+        {"0.5": 0.5, "0.75": 0.75, "1.25": 1.25, "1.5": 1.5},
+    ),
+    *_scaled(
+        "left grip along the sheet",
+        "task.misalignment.left.along_m",
+        {"− 0.3 mm": -3e-4, "+ 0.3 mm": 3e-4},
+    ),
+    *_scaled(
+        "both bases along the sheet",
+        "imperfections.robot.base_x_m",
+        {"− 0.3 mm": -3e-4, "+ 0.3 mm": 3e-4},
+    ),
+    *SLOPES,
+    Change("no imperfections", ("imperfections=none",)),
+    Change("worst imperfections", ("imperfections=worst",)),
 )
 
-CONTROLLED: tuple[Change, ...] = (NOMINAL,)
+CONTROLLED: tuple[Change, ...] = (NOMINAL, *SLOPES)
 """With which constants are put in the controller's place."""

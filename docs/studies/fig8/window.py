@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import statistics
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Literal
 
 import msgspec
+import numpy as np
 
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import versions
@@ -26,8 +26,11 @@ COMPLYING: tuple[Case, ...] = ("fig8", "B halved")
 CONTROLS: tuple[Case, ...] = ("one constant", "a constant per piece")
 _HALVED = ("compliance.rotation.b=0.25",)
 
-SEEDS_LIMIT, HOLD_LIMIT = 0.72, 0.65
-"""What the median over the seeds may be of the worst piece and of the hold, over fig6."""
+HOLD_LIMIT = 0.65
+"""What the mean moment of the hold may be, over that of fig6."""
+
+OVER_SEEDS = (("median", 0.5, 0.72), ("95th percentile", 0.95, 0.85), ("largest", 1.0, 1.0))
+"""Quantiles over the seeds, and what the worst piece may be there, over fig6."""
 
 Key = tuple[tuple[str, ...], Case, int]
 """Settings, case, seed."""
@@ -156,10 +159,12 @@ def window_table(runs: dict[Key, Ran], seeds: int, changes: Sequence[Change] = C
         for case in COMPLYING:
             row += _cells(ratio(runs, change, case), change.limit, gated=case == "fig8")
         rows.append(row)
-    median: list[object] = [f"median of seeds 1-{seeds}"]
-    for case in COMPLYING:
-        median += _cells(_median(runs, case, seeds), SEEDS_LIMIT, gated=case == "fig8")
-    return Table(headings, [*rows, median])
+    for said, share, limit in OVER_SEEDS:
+        row = [f"{said} of seeds 1-{seeds}"]
+        for case in COMPLYING:
+            row += _cells(over_seeds(runs, case, seeds, share), limit, gated=case == "fig8")
+        rows.append(row)
+    return Table(headings, rows)
 
 
 def control_table(runs: dict[Key, Ran], changes: Sequence[Change]) -> Table:
@@ -172,15 +177,18 @@ def control_table(runs: dict[Key, Ran], changes: Sequence[Change]) -> Table:
     return Table(("change", "what turns the grips", "pieces", "worst", "hold"), rows)
 
 
-def _median(runs: dict[Key, Ran], case: Case, seeds: int) -> Ratio:
-    """Return the median over the seeds of each ratio; the worst piece is that of the medians."""
+def over_seeds(runs: dict[Key, Ran], case: Case, seeds: int, share: float) -> Ratio:
+    """Return a quantile over the seeds of the ratio of each piece, and of the hold.
+
+    Each seed draws other imperfections: the seeds are random mixtures of them.
+    """
     found = [ratio(runs, NOMINAL, case, seed) for seed in range(1, seeds + 1)]
     for one in found:
         if one.why_not:
             return one
-    pieces = tuple(map(statistics.median, zip(*(one.pieces for one in found), strict=True)))
+    pieces = np.quantile([one.pieces for one in found], share, axis=0).tolist()
     holds = [one.hold for one in found if one.hold is not None]
-    return Ratio(pieces, statistics.median(holds) if holds else None)
+    return Ratio(tuple(pieces), float(np.quantile(holds, share)) if holds else None)
 
 
 def _cells(found: Ratio, limit: float, *, gated: bool) -> list[str]:
