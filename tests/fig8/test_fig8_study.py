@@ -82,7 +82,9 @@ def test_what_does_not_hold_is_in_bold_and_a_refused_run_says_why() -> None:
         Ran(settings=refused.settings, case="fig6", seed=1, ended="refused: too heavy"),
         *(ran(refused, case) for case in COMPLYING),
     )
-    shipped, wider, heavier, median, high, largest = window_table(runs, 3, (NOMINAL, WIDER, refused)).rows
+    shipped, wider, heavier, median, high, largest = window_table(
+        runs, 3, (NOMINAL, WIDER, refused)
+    ).rows
     # Exact: two digits; the halved B is stated, not gated.
     assert shipped[:4] == ["as shipped", "0.10 0.10 0.01", "0.10", "0.10"]
     assert wider == [

@@ -333,9 +333,3 @@ def test_a_second_run_of_displaced_arms_is_the_same_run() -> None:
 def test_what_no_arm_has_is_refused_with_the_reason(settings: list[str], reason: str) -> None:
     with pytest.raises(InputError, match=reason):
         load_scenario("fig6", [f"imperfections.robot.{setting}" for setting in settings])
-
-
-def test_arms_that_settle_too_fast_for_wrong_places_are_refused() -> None:
-    settings = ["motion.settle_s=0.1", "imperfections.robot.base_spread_m=0.001"]
-    with pytest.raises(InputError, match=r"motion.settle_s = 0.1.*at least 0.25 s"):
-        BendingRun(load_scenario("fig6", settings))

@@ -87,6 +87,9 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
             "cell.right={}",
             "compliance.predictor={lead_x_s=0.02,lead_rotation_s=0.02}",
             "robot.servo.integral={}",
+            "grasp.friction=0.5",
+            "imperfections.robot.zero_rad=[0, 0, 0, 0, 0, 0]",
+            "imperfections.events={arm_stop={}, power_failure={}, oil={}}",
         ],
     )
 
@@ -107,6 +110,7 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
         held |= walk(msgspec.to_builtins(load_scenario("fig6", kinds)), "") - {
             *("task.misalignment", "cell.left", "cell.right"),
             *("compliance.x", "compliance.rotation", "robot.servo.integral"),
+            *(f"imperfections.events.{name}" for name in ("arm_stop", "power_failure", "oil")),
         }
     named = {".".join((*s.path, key.name)) for s in sections() for key in s.keys}
     assert named == held
@@ -171,7 +175,7 @@ def test_the_schema_refuses_what_the_loader_refuses(text: str, words: str, tmp_p
     "text",
     [
         'extends = "fig8"\nname = "a"\n[compliance]\nx = "none"',
-        'extends = "fig9"\n[compliance]\nx = { b = 0.3 }',
+        'extends = "fig9"\n[compliance]\nrotation = { b = 0.3 }',
         'extends = "fig6"\n[path]\nkind = "pieces"\npieces = 4',
         'extends = "fig6"\nfilter = "none"\n[sheet]\nmodel = "shell"',
         'extends = "fig6"\n[sheet.model]\nkind = "shell"\ncells_along = 12',
@@ -265,7 +269,7 @@ def test_what_is_switched_on_by_its_header_loads(base: str, tmp_path: Path) -> N
     text = re.sub(HIDDEN, "", text, flags=re.MULTILINE)
     path = tmp_path / "mine.toml"
     path.write_text(text, encoding="utf-8")
-    found = load_scenario(str(path))
+    found = load_scenario(str(path), ["grasp.friction=0.5"])
     assert found.compliance.x is not None
     assert found.compliance.rotation is not None
     assert misalignment_of(found) is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -17,7 +18,9 @@ from dualbend.cli.common import (
 )
 from dualbend.errors import InputError, writing
 from dualbend.files import write_whole
-from dualbend.imperfection.config import PresetName
+
+if TYPE_CHECKING:
+    from dualbend.imperfection.config import PresetName
 
 
 @command(

@@ -15,7 +15,7 @@ _ROUNDING_S = 1e-9
 class Event(Config):
     """Something that happens once, on one side of the cell."""
 
-    at_s: Annotated[float, said("simulated time at which it happens", ge=0, le=3600)]
+    at_s: Annotated[float, said("simulated time at which it happens", ge=0, le=3600)] = 0.0
     side: Annotated[Side, said("arm or gripper that it happens to")] = "left"
 
     def due(self, time_s: float) -> bool:

@@ -41,11 +41,6 @@ class SheetErrors(Config):
         float, said("standard deviation of that curvature", ge=0, le=1)
     ] = 0.0
 
-    @property
-    def curved(self) -> bool:
-        """The free sheet may be curved."""
-        return bool(self.curvature_per_m or self.curvature_spread_per_m)
-
 
 def true_sheet(sheet: Sheet, errors: SheetErrors, seed: int) -> Sheet:
     """Return the sheet as it is, of the one that is believed.

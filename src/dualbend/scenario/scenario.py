@@ -6,6 +6,7 @@ A file may say ``extends = "fig6"`` and give only what differs. Every error is a
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Annotated, Any
 
 import msgspec
@@ -97,11 +98,11 @@ class Scenario(Config):
 
     def _refuse_curved_shell(self) -> None:
         errors = self.imperfections.sheet
-        if errors.curved and self.sheet.model.kind == "shell":
+        # A spread, which a preset may bring, has no effect on a shell.
+        if errors.curvature_per_m and self.sheet.model.kind == "shell":
             raise InputError(
-                f"imperfections.sheet.curvature_per_m = {errors.curvature_per_m:g}, "
-                f"curvature_spread_per_m = {errors.curvature_spread_per_m:g}: a shell is flat at "
-                'rest; 0, or sheet.model = "strips"'
+                f"imperfections.sheet.curvature_per_m = {errors.curvature_per_m:g}: a shell is "
+                'flat at rest; 0, or sheet.model = "strips"'
             )
 
     def _resolve_curvature(self) -> None:
@@ -122,7 +123,10 @@ class Scenario(Config):
     def true_sheet(self) -> Sheet:
         """The sheet as it is, which only the physics knows; ``sheet`` is the believed one."""
         believed = self.task.true_sheet(self.sheet.sheet())
-        return true_sheet(believed, self.imperfections.sheet, self.seed)
+        true = true_sheet(believed, self.imperfections.sheet, self.seed)
+        if self.sheet.model.kind == "shell" and true.rest_curvature_per_m:
+            return dataclasses.replace(true, rest_curvature_per_m=0.0)
+        return true
 
     def to_toml(self) -> str:
         """Return the resolved scenario: loading it again gives an equal object."""

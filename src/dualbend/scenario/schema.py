@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from dualbend.imperfection.config import PRESETS
 from dualbend.scenario.explain import UNSET
 from dualbend.scenario.keys import Section, section_of, sections
 from dualbend.scenario.scenario import Scenario
@@ -51,6 +52,9 @@ def scenario_schema() -> Schema:
     found = {section.struct.__name__: section for section in (*sections(), section_of(LayerConfig))}
     definitions = {name: _definition(schema, found[name]) for name, schema in components.items()}
     top = definitions.pop("Scenario")
+    # A preset's name alone is short for a table with it.
+    short = top["properties"]["imperfections"]
+    top["properties"]["imperfections"] = {"anyOf": [short, {"enum": list(PRESETS)}]}
     return {
         "$schema": _DRAFT,
         **top,

@@ -81,22 +81,11 @@ def is_in_space(scenario: Scenario) -> bool:
 
 
 def imposed_errors(scenario: Scenario) -> Vector | None:
-    """Return what is imposed on both grips (2, 6); None where every grip lies as it should.
-
-    Raises
-    ------
-    InputError
-        The arms settle faster than their wrong places may come in.
-    """
+    """Return what is imposed on both grips (2, 6); None where every grip lies as it should."""
     config, displaced = misalignment_of(scenario), scenario.imperfections.robot.displaces
     imposed = (config or MisalignmentConfig()).errors()
     if not displaced and not imposed.any():
         return None
-    if scenario.motion.settle_s < SHORTEST_SETTLE_S:
-        raise InputError(
-            f"motion.settle_s = {scenario.motion.settle_s}: errors of imperfections.robot come in "
-            f"while the arms settle and need at least {SHORTEST_SETTLE_S} s"
-        )
     return imposed
 
 
