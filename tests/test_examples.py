@@ -15,7 +15,7 @@ EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
 def own_path(found: dict[str, float]) -> None:
     assert found["ExactPath"] < 1e-6  # analytic: no end moment, to the optimiser's tolerance
     assert found["SeriesPath"] == pytest.approx(0.813e-3, rel=1e-3)  # golden
-    # The weight of the flat sheet alone, as on the exact path; fig6 has 38.7 mN m. Golden.
+    # The weight of the flat sheet alone, as on the exact path; in pieces it is 38.7 mN m. Golden.
     assert found["simulated"] == pytest.approx(9.4e-3, abs=0.1e-3)
 
 

@@ -1,4 +1,4 @@
-"""Another arm: where it would stand for the path of `fig6`, and the moment it makes there.
+"""Another arm: where it would stand to bend a light strip, and the moment it makes there.
 
 Run: python docs/examples/own_arm.py
 """
@@ -12,8 +12,8 @@ ARM = "ur5"
 
 
 def main(settings: Sequence[str] = ()) -> dict[str, float]:
-    """Place two arms for the path of `fig6`, run it; print and return distance and peak moment."""
-    scenario = load_scenario("fig6", [f"robot.model={ARM}", *settings])
+    """Place two arms, bend a light strip; print and return distance and peak moment."""
+    scenario = load_scenario("tuned", ["compliance=none", f"robot.model={ARM}", *settings])
     arm = arm_pair(scenario).left
     place = arm.placement
     print(f"{arm.model.name}: {arm.model.count} joints, payload {arm.model.payload_kg:g} kg")

@@ -40,8 +40,8 @@ class DeadBandRotation:
 
 
 def main(settings: Sequence[str] = ()) -> dict[str, float]:
-    """Run `fig6` without and with the compliance; print and return the peak moments [N m]."""
-    scenario = load_scenario("fig6", settings)
+    """Bend a light strip without and with it; print and return the peak moments [N m]."""
+    scenario = load_scenario("tuned", ["compliance=none", *settings])
     runs = {
         "without": make_run(scenario),
         "with": make_run(scenario, compliance=DeadBandRotation),

@@ -42,15 +42,15 @@ class SeriesPath:
 
 
 def scenario_of(path: SeriesPath, settings: Sequence[str] = ()) -> Scenario:
-    """Return the scenario `fig6` with the path as a table."""
+    """Return the scenario `exact` with the path as a table."""
     rows = [[a, *path.at(a)] for a in np.linspace(*path.knots, ROWS).tolist()]
     table = f"path={{kind='table',smooth=true,end_rad={path.target_rad},table={rows}}}"
-    return load_scenario("fig6", [*settings, table])
+    return load_scenario("exact", [*settings, table])
 
 
 def main(settings: Sequence[str] = ()) -> dict[str, float]:
     """Predict the largest moment of both paths, run the own one, print and return [N m]."""
-    sheet = load_scenario("fig6", settings).sheet.sheet()
+    sheet = load_scenario("exact", settings).sheet.sheet()
     found = {}
     for path in (ExactPath(sheet.length_m, 1.0), SeriesPath(sheet.length_m, 1.0)):
         predicted = worst_moment(path, sheet, (0.2, 1.0)).moment_nm

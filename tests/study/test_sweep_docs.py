@@ -35,7 +35,7 @@ def test_the_table_is_read_as_the_page_says(
     (tmp_path / "runs" / "gains").mkdir(parents=True)
     damping = [float(b) for b in range(8)]
     columns = {
-        "compliance.x.b": damping,
+        "robot.alter.delay_cycles": damping,
         "compliance.rotation.b": damping,
         "rms_moment": [abs(b - 3.0) for b in damping],
     }
@@ -45,4 +45,4 @@ def test_the_table_is_read_as_the_page_says(
         exec(compile(block, "sweeps.md", "exec"), {})
     shown = capsys.readouterr().out.splitlines()
     assert len(shown) == 5
-    assert "'compliance.x.b': 3.0" in shown[0]
+    assert "'robot.alter.delay_cycles': 3.0" in shown[0]

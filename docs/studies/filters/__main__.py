@@ -13,9 +13,12 @@ from dualbend.errors import DualbendError
 from dualbend.scenario.load import load_scenario
 from filters.filters import filters_compared, table
 
+STRIP = Path(__file__).parents[1] / "icra1995" / "strip-fig9.toml"
+"""Has the axis x that the shipped scenarios leave out."""
+
 
 @click.command()
-@click.argument("scenario", default="fig9")
+@click.argument("scenario", default=str(STRIP))
 @click.option("--axis", type=click.Choice(["x", "rotation"]), default="x", show_default=True)
 @click.option("--angle", default=0.2, show_default=True, help="Bending angle that is held [rad].")
 @click.option("--ray", default=80.0, show_default=True, help="k/b [1/s].")
