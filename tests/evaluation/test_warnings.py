@@ -108,9 +108,9 @@ def test_a_new_scenario_whose_material_is_changed_has_the_numbers_of_the_new_one
 ) -> None:
     """The trial that left aluminium's modulus in a sheet of FR-4 now changes the modulus."""
     text = scenario_text("job", "fig8")
-    assert 'material = "5052-H32"' in text.splitlines()
+    assert 'material = "2024-T3"' in text.splitlines()
     file = tmp_path / "job.toml"
-    file.write_text(text.replace('material = "5052-H32"', 'material = "FR-4"'), encoding="utf-8")
+    file.write_text(text.replace('material = "2024-T3"', 'material = "FR-4"'), encoding="utf-8")
     scenario = load_scenario(str(file))
     assert scenario.sheet.sheet().young_pa == pytest.approx(24e9, rel=1e-12)
     assert scenario_warnings(scenario) == []

@@ -165,6 +165,7 @@ def test_what_every_run_has() -> None:
     assert found == {
         "ik_residual_max": Metric(4e-9, "m"),
         "ik_rotation_residual_max": Metric(2e-8, "rad"),
+        "unintended_contacts": Metric(0.0, "1"),
         "saturated_cycles": Metric(3.0, "1"),
         "simulated_time": Metric(6 * 0.028, "s"),
         "realtime_factor": Metric(3 * 0.028, "1"),

@@ -45,7 +45,8 @@ def test_a_shortened_run_completes(arms: tuple[str, ...]) -> None:
     weight = result.scenario.sheet.sheet().mass_kg * 9.81
     vertical = -(result.trace["left_true_force_z"] + result.trace["right_true_force_z"])
     settled = vertical[result.trace["phase"] == 0][-3:]
-    np.testing.assert_allclose(settled, weight, rtol=0.02)  # analytic but for what still swings
+    # Analytic but for what still swings, of which the mean is taken.
+    assert settled.mean() == pytest.approx(weight, rel=0.01)
     room = result.summary.to_json()["arms"]
     assert room["left"]["arm"] == run.cell.arms.left.model.name
     assert room["left"]["room_deg"] >= 5.0

@@ -145,7 +145,7 @@ def test_a_table_of_the_knots_makes_the_run_of_the_pieces() -> None:
     path = scenario.path.make(scenario.sheet.length_m)
     rows = [[a, *path.at(a)] for a in path.knots.tolist()]
     table = load_scenario(
-        STRIP6, [*SHORT, "motion.hold_s=0.1", f"path={{kind='table',end_rad=0.2,table={rows}}}"]
+        "fig6", [*SHORT, "motion.hold_s=0.1", f"path={{kind='table',end_rad=0.2,table={rows}}}"]
     )
     np.testing.assert_array_equal(columns(BendingRun(table)), columns(BendingRun(scenario)))
 

@@ -201,8 +201,8 @@ def test_a_run_that_ended_in_its_first_cycle_is_written_and_read(
         (lambda table: table.slice(1), "column 'time', row 0: 0.028: rows are a command period"),
         (lambda table: table.slice(0, 9), "simulated_time = .* trace.parquet has 9 rows"),
         (
-            lambda table: pa.concat_tables([table] * 2),
-            "has 34 rows; a run of scenario.toml has at most 17",
+            lambda table: pa.concat_tables([table] * 3),
+            "has 51 rows; a run of scenario.toml has at most 35",
         ),
         (lambda table: table.remove_column(1), "has no column phase, which runs of scenario.toml"),
         (

@@ -295,7 +295,9 @@ def test_a_path_that_is_too_fast_is_refused_before_the_run() -> None:
 
 def test_an_unreachable_cell_is_refused_before_the_run() -> None:
     for setting in ("cell.base_distance_m=2.5", "cell.sheet_height_m=2.9", "cell.base_lateral_m=1"):
-        with pytest.raises(InputError, match=r"'fig6'.*out of reach.*at the limit of") as caught:
+        with pytest.raises(
+            InputError, match=r"'strip-fig6'.*out of reach.*at the limit of"
+        ) as caught:
             prepare(setting)
         assert setting.split("=")[0] in str(caught.value)
 

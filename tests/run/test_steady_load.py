@@ -14,7 +14,9 @@ LOAD_N = 20.0
 
 def displaced(integral: str, force: Vector, seconds: float) -> tuple[Vector, float]:
     """Return the left grip's displacement [m] and turn [rad] under a force, with free hands."""
-    run = make_run(load_scenario("fig6", [f"robot.servo.integral={integral}"]))
+    run = make_run(
+        load_scenario("fig6", ["imperfections=none", f"robot.servo.integral={integral}"])
+    )
     run.begin()
     simulation, home = run.cell.simulation, run.cell.home
     model, data = simulation.model, simulation.data
@@ -47,5 +49,5 @@ def test_with_integral_action_an_arm_stands_where_it_was_sent(axis: int) -> None
 
 def test_without_it_an_arm_yields_as_its_servos_are_stiff() -> None:
     moved, _ = displaced("none", np.array([0.0, 0.0, LOAD_N]), 1.0)
-    assert np.linalg.norm(moved) > 0.3e-3
+    assert np.linalg.norm(moved) > 0.15e-3
     assert moved[2] > 0.0

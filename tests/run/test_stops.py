@@ -18,6 +18,7 @@ from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES
 
 SHORT = (
+    "imperfections=none",
     "motion.speed_rad_per_s=1.0",
     "path.end_rad=0.4",
     "motion.settle_s=0.1",

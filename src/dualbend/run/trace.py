@@ -206,22 +206,16 @@ class TraceRecorder(Trace):
 
     Parameters
     ----------
-    cycles
-        Number of rows to make room for.
+    cycles, qpos_size
+        Rows to make room for; length of the physics state that is kept beside the columns.
     sensing
         Indices of the arms with a sensor: they get columns for the chain's readings.
-    qpos_size
-        Length of the physics state that is kept beside the columns, for the recording in 3D.
-    hinges
-        Number of bending hinges.
-    joints
-        Names of the arms' joints, such as ``left_joint1``.
+    hinges, joints
+        Number of bending hinges; names of the arms' joints, such as ``left_joint1``.
     task
         Further columns, with their units, that only this task has.
-    link
-        The command link makes errors: there are columns for the age of what it delivered.
-    slips
-        The sheet may slide in the grips.
+    link, slips
+        The command link makes errors; the sheet may slide in the grips: there are columns for it.
     """
 
     def __init__(
