@@ -75,7 +75,7 @@ def _rows() -> Iterator[Row]:
     yield from cell.weight_rows()
     shipped = runs.run_shipped()
     yield from runs.residual_rows(shipped)
-    yield from runs.moment_rows(shipped["fig6"])
+    yield from runs.moment_rows()
     yield from runs.comparison_rows(shipped)
     yield from runs.growth_rows()
     yield runs.repeat_row(shipped["fig8"])
