@@ -108,9 +108,9 @@ def test_a_table_of_settings_is_a_line(tmp_path: Path) -> None:
     write_baseline(Baseline(scenarios={"x": one}), tmp_path / "b.json")
     lines = (tmp_path / "b.json").read_text().splitlines()
     (sheet,) = [line for line in lines if line.startswith('    "sheet": {')]
-    assert '"material": "5052-H32"' in sheet
+    assert '"material": "2024-T3"' in sheet
     assert (
-        '    "compliance.x": {"b": 7.0, "form": "printed", "from_alpha_rad": 0.2, "k": 575.0},'
+        '    "compliance.rotation": {"b": 0.5, "form": "printed", "from_alpha_rad": 0.0, "k": 10000.0},'
         in lines
     )
     assert '    "seed": 1,' in lines

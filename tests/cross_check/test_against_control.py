@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ from dualbend.stability.margins import eigenloci, loop_margins
 from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.prediction import evaluate
 from dualbend.stability.sampled import LoopElements, SampledLoop, environment_loops
+from support.strip import STRIP8, STRIP9
 
 Vector = NDArray[np.float64]
 ComplexVector = NDArray[np.complex128]
@@ -87,14 +89,14 @@ def _loop(control: Any, name: str, axis: AxisName, stiffness: float) -> Any:
 
 
 @pytest.mark.parametrize("axis", ["x", "rotation"])
-@pytest.mark.parametrize("name", ["fig8", "fig9"])
+@pytest.mark.parametrize("name", [STRIP8, STRIP9])
 def test_one_axis_from_physical_parameters(
     name: str, axis: AxisName, control: Any, report: Report
 ) -> None:
     """A rigid arm without tool: nothing is asked of this project but K and the filter's taps."""
     _, elements, met = _met(name)
     acting, index = (axis == "x", axis == "rotation"), int(axis == "rotation")
-    run = report.run(CODE, f"{name}, {axis} alone, rigid arm")
+    run = report.run(CODE, f"{Path(name).stem}, {axis} alone, rigid arm")
     for at in met:
         way = next(iter(at.loops))
         stiffness = float(at.loops[way][index, index])
@@ -154,11 +156,11 @@ def _encirclements(control: Any, locus: Any) -> int:
     return int(control.nyquist_response(locus, omega=OMEGA, warn_encirclements=False).count)
 
 
-@pytest.mark.parametrize("name", ["fig8", "fig9", "tuned"])
+@pytest.mark.parametrize("name", ["fig8", "fig9", STRIP8, STRIP9, "tuned"])
 def test_the_loop_that_runs(name: str, control: Any, report: Report) -> None:
     """Arm, tool and both axes: the project's frequency response, judged by control."""
     _, elements, met = _met(name)
-    run = report.run(CODE, f"{name}, as it runs")
+    run = report.run(CODE, f"{Path(name).stem}, as it runs")
     for at in met:
         row = run.timed("project", lambda e=at: evaluate(elements, e, "coupled"))
         acting = elements.acting("coupled", at.alpha_rad)
