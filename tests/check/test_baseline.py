@@ -109,10 +109,7 @@ def test_a_table_of_settings_is_a_line(tmp_path: Path) -> None:
     lines = (tmp_path / "b.json").read_text().splitlines()
     (sheet,) = [line for line in lines if line.startswith('    "sheet": {')]
     assert '"material": "2024-T3"' in sheet
-    assert (
-        '    "compliance.rotation": {"b": 0.5, "form": "printed", "from_alpha_rad": 0.0, "k": 10000.0},'
-        in lines
-    )
+    assert '    "compliance.rotation": {"b": 0.5, "form": "printed", ' in "\n".join(lines)
     assert '    "seed": 1,' in lines
     assert read_baseline(tmp_path / "b.json").scenarios["x"].settings == settings
 

@@ -27,8 +27,9 @@ from dualbend.run.make import make_run
 from dualbend.run.record import Metric
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
+from support.strip import STRIP6, STRIP8, STRIP9
 
-SHORT = """extends = "fig8"
+SHORT = """extends = "STRIP"
 name = "{name}"
 [path]
 end_rad = 0.8
@@ -36,7 +37,7 @@ end_rad = 0.8
 speed_rad_per_s = 0.2
 settle_s = 0.2
 hold_s = 0.1
-"""
+""".replace("STRIP", STRIP8)
 
 MUTATIONS = {
     "modulus": "[sheet]\nyoung_pa = 73.815e9\n",  # 5 % more
@@ -312,7 +313,7 @@ def test_a_fault_of_the_program_ends_one_scenario_and_no_update_keeps_it(
 
 def test_every_peak_is_found_in_its_row() -> None:
     settings = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
-    result = BendingRun(load_scenario("fig9", settings)).run()
+    result = BendingRun(load_scenario(STRIP9, settings)).run()
     metrics = result.metrics
     places = peak_places(result, metrics)
     pieces = places.pop("peak_moment_by_piece")
@@ -336,9 +337,9 @@ def test_misaligned_grips_have_peaks_out_of_the_plane() -> None:
         "peak_twist_moment": ("moment_x", "N m"),
         "peak_yaw_moment": ("moment_z", "N m"),
     }
-    assert not columns.keys() & BendingRun(load_scenario("fig6", plane)).run().metrics.keys()
+    assert not columns.keys() & BendingRun(load_scenario(STRIP6, plane)).run().metrics.keys()
     rolled = [*brief, "task.misalignment.right.roll_rad=0.02"]
-    result = BendingRun(load_scenario("fig6", rolled)).run()
+    result = BendingRun(load_scenario(STRIP6, rolled)).run()
     metrics, bent = result.metrics, bending_rows(result)
     places = peak_places(result, metrics)
     for name, (column, unit) in columns.items():

@@ -123,8 +123,8 @@ def test_integral_action_takes_a_steady_load_off_the_joint() -> None:
 
 
 def test_a_vanishing_integral_is_none() -> None:
-    elements = LoopElements.from_scenario(load_scenario("fig9"))
-    (at,) = environments(load_scenario("fig9"), [0.3])
+    elements = LoopElements.from_scenario(load_scenario(STRIP9))
+    (at,) = environments(load_scenario(STRIP9), [0.3])
     arm = at.arms["single"]
 
     def growth(gain: float) -> float:
@@ -142,7 +142,7 @@ def test_a_vanishing_integral_is_none() -> None:
 def test_both_modes_of_two_arms_have_the_servos_integral() -> None:
     both = ['compliance.sensing=["left","right"]', 'compliance.complying=["left","right"]']
     with_it = [*both, "robot.servo.integral.rate_per_s=10"]
-    (plain,), (at,) = (environments(load_scenario("fig9", sets), [0.3]) for sets in (both, with_it))
+    (plain,), (at,) = (environments(load_scenario(STRIP9, sets), [0.3]) for sets in (both, with_it))
     assert set(at.arms) == {"symmetric", "antisymmetric"}
     # Analytic: 10 1/s of 28 ms.
     assert [arm.joints.integral_gain for arm in at.arms.values()] == pytest.approx([0.28, 0.28])

@@ -142,9 +142,9 @@ def test_the_command_prints_verdict_and_range() -> None:
     code, output = call(STRIP9)
     assert code == 0
     assert "predicted unstable from 0.20 to 0.3" in output
-    assert "fig9: unstable (worst at 0.20 rad" in output
+    assert "strip-fig9: unstable (worst at 0.20 rad" in output
     code, output = call(STRIP6)
-    assert (code, output) == (0, "fig6: no compliance: nothing to be unstable\n")
+    assert (code, output) == (0, "strip-fig6: no compliance: nothing to be unstable\n")
 
 
 def test_json_is_strict_and_complete() -> None:
