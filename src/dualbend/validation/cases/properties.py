@@ -47,6 +47,8 @@ class FreeSheet:
         self.config = cell.scenario.sheet
         self.model, self.data = cell.model, cell.simulation.data
         self.model.opt.gravity[:] = 0.0
+        # Nothing is in its way: it is turned where the grippers are.
+        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         self.data.eq_active[:] = 0
         self._ends = [self.model.site(name).id for name in (LEFT_END, RIGHT_END)]
         self._start = self.data.qpos.copy()
