@@ -45,7 +45,7 @@ EVIL = "<script>alert('x')</script> & \"quotes\""
 @pytest.fixture(scope="module")
 def top(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
-    leave(folder / "fig6", "fig6", *SHORT)
+    leave(folder / "fig6", "fig6", *SHORT, "imperfections=none")
     leave(folder / "fig8", "fig8", *SHORT, f"description={EVIL}")
     leave(folder / "stopped", "fig8", *SHORT, "motion.settle_s=1", until=10)
     leave(folder / "pwb", "pwb", until=120)
@@ -330,9 +330,9 @@ def test_the_summarys_sheet_and_arms_are_shown(fig8: RunRecord, tmp_path: Path) 
     page, sheet, arms = report([fig8]), fig8.summary.sheet, fig8.summary.arms
     raw = json.loads((fig8.folder / "summary.json").read_text())
     assert (sheet, arms) == (raw["sheet"], raw["arms"])  # exact
-    assert sheet["rigidity"] == "beam"
-    taken = sheet["choices"]["beam"]["bending_stiffness_nm2"]
-    assert f'<th scope="row">beam (taken)</th><td class="num">{taken:.4g}</td>' in page
+    assert sheet["rigidity"] == "width"
+    taken = sheet["choices"]["width"]["bending_stiffness_nm2"]
+    assert f'<th scope="row">width (taken)</th><td class="num">{taken:.4g}</td>' in page
     left = arms["left"]
     assert f'<td class="num">{left["manipulability"]:.4g}</td>' in page
     assert f'<td class="num">{left["room_deg"]:.4g}</td><td>{left["joint"]}</td>' in page
@@ -340,7 +340,7 @@ def test_the_summarys_sheet_and_arms_are_shown(fig8: RunRecord, tmp_path: Path) 
     for old in ({}, {"sheet": {"material": "x"}, "arms": {"left": {"arm": "x"}}}):
         copied(fig8.folder, tmp_path, **{"sheet": {}, "arms": {}, **old})
         without = report([load_run(tmp_path)])
-        assert "beam (taken)" not in without
+        assert "width (taken)" not in without
         assert ("not readable" in without) == bool(old)
 
 

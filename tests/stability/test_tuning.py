@@ -358,7 +358,7 @@ def test_form_units_and_beginning_are_the_users(
             del config[axis]["b"], config[axis]["k"]
     assert after == before
     assert msgspec.structs.replace(found.scenario, compliance=scenario.compliance) == (
-        msgspec.structs.replace(scenario, name="fig8-tuned")
+        msgspec.structs.replace(scenario, name="strip-fig8-tuned")
     )
 
 

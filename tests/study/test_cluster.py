@@ -38,7 +38,7 @@ motion = { speed_rad_per_s = 0.5, settle_s = 0.2, hold_s = 0.2 }
 [sample]
 kind = "grid"
 [keys]
-compliance.x.b = { values = [5.0, 7.0, 9.0] }
+compliance.rotation.b = { values = [5.0, 7.0, 9.0] }
 robot.alter.delay_cycles = { values = [1, 2, 3, -1] }
 """
 

@@ -214,6 +214,7 @@ def test_with_integral_action_a_stiff_sheet_grows_and_swings_as_predicted() -> N
     stiff = load_scenario(
         "fig6",
         [
+            *("imperfections=none", "sheet.rigidity=beam"),
             *("sheet.length_m=0.8", "sheet.width_m=0.3", "sheet.thickness_m=0.001"),
             *("sheet.material=2024-T3", "cell.base_distance_m=1.09", "cell.base_height_m=1.0"),
             *("robot.servo.integral.rate_per_s=10", "compliance.kind=admittance"),

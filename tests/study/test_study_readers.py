@@ -31,7 +31,7 @@ SWEEP = """
 scenario = "fig8"
 [sample]
 kind = "list"
-[keys.compliance.x.b]
+[keys.compliance.rotation.b]
 values = [1.0, 2.0, 3.0]
 """
 

@@ -22,25 +22,26 @@ from dualbend.study.sweep.report import write_report
 from dualbend.study.sweep.run import RunOne, RunRow, run_row, run_sweep
 from dualbend.study.sweep.table import TABLE
 from support.stand_in import a_sweeps_run, never
+from support.strip import STRIP8
 
 TEXT = """
 scenario = "fig8"
 [sample]
 kind = "grid"
 [keys]
-compliance.x.b = { values = [4.0, 7.0, 9.0] }
+compliance.rotation.b = { values = [4.0, 7.0, 9.0] }
 sheet.length_m = { min = 0.3, max = 0.4, steps = 2 }
 """
-SHORT = """
-scenario = "fig8"
+SHORT = f"""
+scenario = "{STRIP8}"
 [set]
 path.end_rad = 0.2
-motion = { speed_rad_per_s = 0.5, settle_s = 0.2, hold_s = 0.2 }
+motion = {{ speed_rad_per_s = 0.5, settle_s = 0.2, hold_s = 0.2 }}
 [sample]
 kind = "list"
 [keys]
-sheet.young_pa = { values = [6e10, 7e10, 1e3, 7e10] }
-sheet.length_m = { values = [0.4, 0.35, 0.4, 0.35] }
+sheet.young_pa = {{ values = [6e10, 7e10, 1e3, 7e10] }}
+sheet.length_m = {{ values = [0.4, 0.35, 0.4, 0.35] }}
 """
 
 
@@ -132,7 +133,9 @@ def test_the_metrics_that_a_sweep_knows_are_those_that_runs_have(name: str, tmp_
     names = ", ".join(f'"{metric}"' for metric in metrics_of(run.record("completed", "", 1.0)))
     text = f"metrics = [{names}]\n{TEXT.replace('fig8', name)}"
     if name == "pwb":
-        text = text[: text.index("compliance.x.b")] + "physics.step_s = { values = [1.75e-3] }"
+        text = (
+            text[: text.index("compliance.rotation.b")] + "physics.step_s = { values = [1.75e-3] }"
+        )
     go(tmp_path / "s", *(never, lost_all), text=text)
 
 

@@ -27,7 +27,7 @@ from support.stand_in import a_sweeps_run
 GRID = {
     "sample": {"kind": "grid"},
     "keys": {
-        "compliance.x.b": {"values": [4.0, 7.0, 9.0]},
+        "compliance.rotation.b": {"values": [4.0, 7.0, 9.0]},
         "sheet.length_m": {"min": 0.3, "max": 0.4, "steps": 2},
     },
 }
@@ -53,7 +53,7 @@ def test_the_table_is_tidy(tmp_path: Path) -> None:
     write_report(sweep, design, rows, tmp_path)
     table = pq.read_table(tmp_path / TABLE)
     assert table.column_names == [
-        *("index", "compliance.x.b", "sheet.length_m", "outcome", "reason"),
+        *("index", "compliance.rotation.b", "sheet.length_m", "outcome", "reason"),
         *("peak_moment", "peak_force"),
         *(f"peak_moment_by_piece[{i}]" for i in range(3)),
         "seed",
@@ -64,7 +64,7 @@ def test_the_table_is_tidy(tmp_path: Path) -> None:
     assert (found[1]["reason"], found[1]["peak_moment"]) == ("why", None)
     for i in (0, 2, 3, 4, 5):
         b, length = design.rows[i]
-        assert (found[i]["compliance.x.b"], found[i]["sheet.length_m"]) == (b, length)
+        assert (found[i]["compliance.rotation.b"], found[i]["sheet.length_m"]) == (b, length)
         assert found[i]["peak_moment"] == b**2 / length
         assert found[i]["peak_force"] == (None if b > 8.0 else b)
         assert found[i]["peak_moment_by_piece[1]"] is None
@@ -234,7 +234,7 @@ def test_durations_are_as_people_say_them(seconds: float, text: str) -> None:
 def test_no_cross_lies_over_a_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every run of the largest grid whose values are written, all crossed."""
     steps = {"min": 0.3, "max": 0.4, "steps": 12}
-    keys = {"compliance.x.b": {"min": 4.0, "max": 9.0, "steps": 12}, "sheet.length_m": steps}
+    keys = {"compliance.rotation.b": {"min": 4.0, "max": 9.0, "steps": 12}, "sheet.length_m": steps}
     sweep, design = load(tmp_path, sample={"kind": "grid"}, keys=keys)
     metrics = {"peak_moment": Metric(-1.234567e-5, "N m")}
     rows = [
