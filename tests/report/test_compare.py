@@ -88,7 +88,7 @@ def test_settings_that_differ_are_all_that_were_set_otherwise(
     }
     assert found["motion.speed_rad_per_s"] == ("0.4", "0.5")
     assert found["path.pieces"] == ("-", "4")
-    assert found["compliance.x.b"] == ("-", "7.0")
+    assert found["compliance.rotation.b"] == ("-", "0.5")
 
 
 def test_a_run_against_itself_differs_in_nothing(runs: tuple[RunRecord, RunRecord]) -> None:

@@ -23,7 +23,7 @@ from dualbend.study.onset.results import Case, OnsetStudy, Simulated
 from dualbend.study.paper_figures import write_pictures
 from support.left_runs import leave
 from support.pictures import kept_figures
-from support.strip import STRIP9
+from support.strip import STRIP6, STRIP8, STRIP9
 
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
 FIG9 = load_scenario(STRIP9)
@@ -32,7 +32,8 @@ FIG9 = load_scenario(STRIP9)
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[RunRecord]:
     top = tmp_path_factory.mktemp("runs")
-    return [load_run(leave(top / name, name, *SHORT)) for name in ("fig6", "fig8", "fig9")]
+    strips = {"fig6": STRIP6, "fig8": STRIP8, "fig9": STRIP9}
+    return [load_run(leave(top / name, strip, *SHORT)) for name, strip in strips.items()]
 
 
 @pytest.fixture

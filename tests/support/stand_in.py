@@ -85,7 +85,8 @@ def never(index: int, *_: object) -> Any:
 def a_sweeps_run(index: int, scenario: Scenario) -> RunRow:
     """Two numbers of the scenario's, one of each piece; above a stiffness a protective stop."""
     called(index)
-    b, length = scenario.compliance.x.b if scenario.compliance.x else 0.0, scenario.sheet.length_m
+    axis, length = scenario.compliance.rotation, scenario.sheet.length_m
+    b = axis.b if axis else 0.0
     pieces = [math.sin(b), None, b * length][: 2 + index % 2]
     metrics = {
         "peak_moment": Metric(b**2 / length, "N m"),
