@@ -17,6 +17,7 @@ from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import Vector
 from support.left_runs import leave
+from support.strip import STRIP6
 
 NEVER = 1_000_000
 SHORT = (
@@ -45,7 +46,7 @@ def sent(through: CommandLink, count: int) -> tuple[Vector, Vector]:
 @cache
 def simulated(*settings: str) -> RunRecord:
     keys = [f"imperfections.link.{setting}" for setting in settings]
-    return BendingRun(load_scenario("fig6", [*SHORT, *keys])).run()
+    return BendingRun(load_scenario(STRIP6, [*SHORT, *keys])).run()
 
 
 def test_a_perfect_link_delivers_each_command_in_its_cycle() -> None:
@@ -212,7 +213,7 @@ def test_a_run_counts_what_its_arms_executed_late() -> None:
 
 def test_a_run_with_its_ages_is_read_back(tmp_path: Path) -> None:
     lost = "imperfections.link.lost_probability=0.2"
-    read = load_run(leave(tmp_path / "run", "fig6", *SHORT, lost, until=15))
+    read = load_run(leave(tmp_path / "run", STRIP6, *SHORT, lost, until=15))
     assert read.trace["right_command_age"].any()
     assert ("left_command_age", "cycles") in read.trace.columns
 

@@ -21,6 +21,7 @@ from dualbend.scenario.load import load_scenario
 from dualbend.scene.cell import robots_only
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES
+from support.strip import STRIP6
 
 Array = NDArray[np.float64]
 PAIR = paper_pair()
@@ -30,7 +31,7 @@ RNG = np.random.default_rng(4)
 def free_cell(*errors: str) -> RobotCell:
     """Return the paper's arms at rest at the flat sheet, which nobody holds."""
     settings = ["sheet.model.hinges=4", *(f"imperfections.robot.{error}" for error in errors)]
-    scenario = load_scenario("fig6", settings)
+    scenario = load_scenario(STRIP6, settings)
     start = [-0.5 * scenario.sheet.length_m, scenario.cell.sheet_height_m, 0.0]
     cell = RobotCell(scenario, np.array(start))
     cell.reset()
@@ -219,7 +220,7 @@ def test_the_tools_weight_is_taken_off_along_the_axes_that_the_encoders_tell() -
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7])
 def test_a_base_stands_off_in_its_bending_frame(yaw: float) -> None:
-    arms = arm_pair(load_scenario("fig6", [f"cell.base_yaw_rad={yaw}"]))
+    arms = arm_pair(load_scenario(STRIP6, [f"cell.base_yaw_rad={yaw}"]))
     place, turn = np.array([0.003, -0.002, 0.001]), np.array([0.02, -0.03, 0.04])
     config = RobotErrors(
         **dict(zip(("base_x_m", "base_y_m", "base_z_m"), place, strict=True)),
@@ -295,7 +296,7 @@ def test_jaws_close_on_the_sheet_where_the_arms_stand_and_then_force_their_norma
     ]
     settings = [f"imperfections.robot.{error}" for error in errors]
     short = ["path.end_rad=0.1", "motion.hold_s=0.1", "motion.settle_s=0.5"]
-    run = BendingRun(load_scenario("fig6", [*short, "sheet.model.hinges=20", *settings]))
+    run = BendingRun(load_scenario(STRIP6, [*short, "sheet.model.hinges=20", *settings]))
     run.begin()
     simulation = run.cell.simulation
     taken = simulation.grasps()
@@ -317,7 +318,7 @@ def test_jaws_close_on_the_sheet_where_the_arms_stand_and_then_force_their_norma
 def test_a_second_run_of_displaced_arms_is_the_same_run() -> None:
     short = ["path.end_rad=0.03", "motion.hold_s=0.0", "motion.settle_s=0.25"]
     errors = ["imperfections.robot.base_spread_m=0.001", "imperfections.robot.stiction_excess=0.2"]
-    run = BendingRun(load_scenario("fig6", [*short, "sheet.model.hinges=4", *errors]))
+    run = BendingRun(load_scenario(STRIP6, [*short, "sheet.model.hinges=4", *errors]))
     first = run.run().trace.qpos.copy()
     np.testing.assert_array_equal(first, run.run().trace.qpos)
 
@@ -332,4 +333,4 @@ def test_a_second_run_of_displaced_arms_is_the_same_run() -> None:
 )
 def test_what_no_arm_has_is_refused_with_the_reason(settings: list[str], reason: str) -> None:
     with pytest.raises(InputError, match=reason):
-        load_scenario("fig6", [f"imperfections.robot.{setting}" for setting in settings])
+        load_scenario(STRIP6, [f"imperfections.robot.{setting}" for setting in settings])

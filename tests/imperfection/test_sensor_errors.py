@@ -23,6 +23,7 @@ from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import Side, Vector
+from support.strip import STRIP6
 
 IDEAL = ForceTorqueConfig(
     force_noise_n=0.0, torque_noise_nm=0.0, force_resolution_n=0.0, torque_resolution_nm=0.0
@@ -55,7 +56,7 @@ def readings(of: Sensor, count: int, wrench: Vector = LOAD) -> Vector:
 
 def simulated(*settings: str) -> RunRecord:
     keys = [f"imperfections.sensor.{setting}" for setting in settings]
-    return BendingRun(load_scenario("fig6", [*SHORT, *keys])).run()
+    return BendingRun(load_scenario(STRIP6, [*SHORT, *keys])).run()
 
 
 # --- drift --------------------------------------------------------------------------------------
@@ -344,7 +345,7 @@ def test_without_errors_a_sensor_is_the_one_without_this_module() -> None:
     config = ForceTorqueConfig()
     plain = Sensor(config, np.random.default_rng(0))
     assert np.array_equal(readings(sensor(config), 50), readings(plain, 50))
-    scenario = load_scenario("fig6", SHORT)
+    scenario = load_scenario(STRIP6, SHORT)
     model = BendingRun(scenario).cell.simulation.model
     plain_chain = make_sensors(scenario, model).chain
     assert type(plain_chain.sensor) is Sensor
@@ -352,7 +353,7 @@ def test_without_errors_a_sensor_is_the_one_without_this_module() -> None:
     errors = ("tool_mass_ratio=1.1", "dropout_probability=1", "dropout_cycles=9")
     keys = [f"imperfections.sensor.{error}" for error in errors]
     both = 'compliance.sensing=["left","right"]'
-    wrong = make_sensors(load_scenario("fig6", [*SHORT, *keys, both]), model)
+    wrong = make_sensors(load_scenario(STRIP6, [*SHORT, *keys, both]), model)
     up = np.stack([np.eye(3)] * 2)
     weight = wrong.chain.tool.wrench(up)[:1]
     assert np.allclose(weight, 1.1 * plain_chain.tool.wrench(up[:1]), rtol=1e-12)
@@ -401,4 +402,4 @@ def test_a_run_with_all_errors_is_the_same_again() -> None:
 )
 def test_what_cannot_be_is_refused_with_its_key(setting: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        load_scenario("fig6", [f"imperfections.sensor.{setting}"])
+        load_scenario(STRIP6, [f"imperfections.sensor.{setting}"])

@@ -11,6 +11,7 @@ from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.sheet.strips import bend_joint
 from dualbend.task.bending.run import BendingRun
+from support.strip import STRIP6
 
 KEY = "imperfections.sheet"
 SHORT = ("path.end_rad=0.2", "motion.hold_s=0.5", "sheet.model.hinges=10")
@@ -111,13 +112,13 @@ def test_a_stiffer_sheet_is_that_of_the_higher_modulus() -> None:
 
 def test_a_curved_shell_is_refused() -> None:
     with pytest.raises(InputError, match="a shell is flat at rest"):
-        load_scenario("fig6", [f"{KEY}.curvature_per_m=0.1", 'sheet.model.kind="shell"'])
+        load_scenario(STRIP6, [f"{KEY}.curvature_per_m=0.1", 'sheet.model.kind="shell"'])
 
 
 @pytest.mark.parametrize("name", ["thickness_ratio=0.1", "curvature_spread_per_m=-1"])
 def test_bounds_are_kept(name: str) -> None:
     with pytest.raises(InputError, match=name.split("=", maxsplit=1)[0]):
-        load_scenario("fig6", [f"{KEY}.{name}"])
+        load_scenario(STRIP6, [f"{KEY}.{name}"])
 
 
 def test_a_run_with_all_of_them_is_the_same_again() -> None:

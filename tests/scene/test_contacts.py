@@ -12,6 +12,7 @@ from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.contacts import HELD_M
 from dualbend.types import Vector
+from support.strip import STRIP6
 
 HINGES = 20
 
@@ -27,7 +28,7 @@ NEAR = (
 
 @pytest.fixture(scope="module")
 def bending() -> Run:
-    return make_run(load_scenario("fig6"))
+    return make_run(load_scenario(STRIP6))
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +162,7 @@ def test_intended_contacts_are_none(laying: Run) -> None:
 
 
 def test_a_dropped_sheet_reaches_the_floor_when_free_fall_says(bending: Run) -> None:
-    run = make_run(load_scenario("fig6"))
+    run = make_run(load_scenario(STRIP6))
     run.start()
     simulation, middle = run.cell.simulation, np.array([0.0, -1.0, 0.3])
     simulation.data.eq_active[:] = 0
@@ -180,7 +181,9 @@ def test_a_dropped_sheet_reaches_the_floor_when_free_fall_says(bending: Run) -> 
 
 def test_arms_that_touch_stop_and_both_are_named() -> None:
     result = make_run(
-        load_scenario("fig6", [*NEAR, "path.start_rad=1.35", "path.end_rad=1.7"])
+        load_scenario(
+            STRIP6, [*NEAR, "path.start_rad=1.35", "path.end_rad=1.7", "guard.after_stop_s=0"]
+        )
     ).run()
     assert result.outcome == "protective_stop"
     said = "the left arm's gripper touches the right arm's gripper"
@@ -196,7 +199,7 @@ def test_arms_that_touch_stop_and_both_are_named() -> None:
 def test_a_contact_may_be_recorded_alone() -> None:
     keys = ["path.start_rad=1.35", "path.end_rad=1.7", "guard.contact='record'"]
     loose = ["guard.torque_cycles=1000", "guard.following_error_rad=1"]
-    result = make_run(load_scenario("fig6", [*NEAR, *keys, *loose])).run()
+    result = make_run(load_scenario(STRIP6, [*NEAR, *keys, *loose])).run()
     assert "touches" not in result.reason
     assert result.metrics["unintended_contacts"].value == len(result.contacts) >= 1
 
@@ -210,5 +213,5 @@ def test_a_contact_may_be_recorded_alone() -> None:
 )
 def test_what_touches_at_the_start_is_refused(keys: list[str], said: str) -> None:
     with pytest.raises(InputError, match=said) as refused:
-        make_run(load_scenario("fig6", keys))
+        make_run(load_scenario(STRIP6, keys))
     assert "cell.base_height_m" in str(refused.value)

@@ -12,6 +12,7 @@ from dualbend.scene.sheet.strips import strip_body
 from dualbend.scene.slip import turning_radius
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import Vector
+from support.strip import STRIP6
 
 HEAVY = (
     "sheet.model.hinges=4",
@@ -29,7 +30,7 @@ class Held:
     """A sheet of known mass that only the left gripper holds, without weight."""
 
     def __init__(self, *settings: str) -> None:
-        run = BendingRun(load_scenario("fig6", [*HEAVY, *settings]))
+        run = BendingRun(load_scenario(STRIP6, [*HEAVY, *settings]))
         self.cell: RobotCell = run.cell
         self.simulation = run.cell.simulation
         run.begin()
@@ -138,7 +139,7 @@ def test_an_edge_that_has_left_the_pad_is_dropped() -> None:
 
 
 def test_a_run_begun_again_holds_the_sheet_anew() -> None:
-    run = BendingRun(load_scenario("fig6", [*HEAVY, *FRICTION]))
+    run = BendingRun(load_scenario(STRIP6, [*HEAVY, *FRICTION]))
     sliding = run.cell.simulation.sliding
     assert sliding is not None
     run.begin()
