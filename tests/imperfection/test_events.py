@@ -11,10 +11,9 @@ from dualbend.imperfection.events import ArmStop, EventsConfig, Oil, PowerFailur
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
-from support.strip import STRIP6
 
 KEY = "imperfections.events"
-SHORT = ("path.end_rad=0.4", "motion.hold_s=0.5", "sheet.model.hinges=10")
+SHORT = ("imperfections=none", "path.end_rad=0.4", "motion.hold_s=0.5", "sheet.model.hinges=10")
 FRICTION = ("grasp.friction=0.5",)
 
 
@@ -47,23 +46,23 @@ def test_oil_lowers_the_friction_for_its_time_on_its_side() -> None:
 
 def test_events_of_a_grip_need_its_friction() -> None:
     with pytest.raises(InputError, match=r"grasp\.friction = none"):
-        load_scenario(STRIP6, [f"{KEY}.oil.at_s=1.0"])
+        load_scenario("fig6", [f"{KEY}.oil.at_s=1.0"])
 
 
 def test_friction_that_is_never_met_changes_no_bit_of_a_run() -> None:
     firm = "grasp.normal_force_n=1000"
-    free, limited = run(STRIP6, *SHORT), run(STRIP6, *SHORT, *FRICTION, firm)
+    free, limited = run("fig6", *SHORT), run("fig6", *SHORT, *FRICTION, firm)
     for name in ("left_true_force_x", "right_true_moment_y", "left_q_joint3", "sag"):
         np.testing.assert_array_equal(free[name], limited[name])
     assert limited.metrics["peak_left_slip"].value == 0.0
     assert "peak_left_slip" not in free.metrics
 
 
-@pytest.mark.parametrize("name", [STRIP6, "pwb"])
+@pytest.mark.parametrize("name", ["fig6", "pwb"])
 def test_a_gripper_without_power_drops_the_sheet_and_the_task_ends(name: str) -> None:
-    at_s = {STRIP6: 2.0, "pwb": 6.0}[name]
+    at_s = {"fig6": 2.0, "pwb": 6.0}[name]
     failure = f"{KEY}.power_failure={{at_s={at_s},side='left'}}"
-    settings = SHORT if name == STRIP6 else ()
+    settings = SHORT if name == "fig6" else ()
     result = run(name, *settings, *FRICTION, failure)
     assert result.outcome == "aborted"
     assert result.reason.startswith("the left gripper has dropped the sheet, at ")
@@ -74,12 +73,12 @@ def test_a_gripper_without_power_drops_the_sheet_and_the_task_ends(name: str) ->
 
 def test_oil_lets_the_sheet_slide_while_it_is_there() -> None:
     oil = f"{KEY}.oil={{at_s=2.0,for_s=0.3,friction_ratio=0.01,side='right'}}"
-    result = run(STRIP6, *SHORT, *FRICTION, oil)
+    result = run("fig6", *SHORT, *FRICTION, oil)
     slip, time = result["right_slip"], result["time"]
     assert not slip[time < 2.0].any()
     assert slip[-1] > 1e-4
     # Dry again it holds: what it slides after that is nothing.
     dry = slip[time > 2.4]
     assert np.ptp(dry) < 0.05 * slip[-1]
-    again = make_run(load_scenario(STRIP6, [*SHORT, *FRICTION, oil])).run()
+    again = make_run(load_scenario("fig6", [*SHORT, *FRICTION, oil])).run()
     np.testing.assert_array_equal(again["right_slip"], slip)

@@ -300,7 +300,7 @@ def _tune_robust(
     from dualbend.stability.limits import said
     from dualbend.stability.robust import tune_robust
     from dualbend.stability.tuning import write_compliance
-    from dualbend.table import Table, quantity
+    from dualbend.table import Column, Table, quantity
 
     with progress_bar(100, f"tune {loaded.name}") as bar:
         found = tune_robust(
@@ -310,7 +310,8 @@ def _tune_robust(
             seeds=seeds,
             on_progress=lambda share: bar.update(round(100 * share) - bar.pos),
         )
-    columns = ["rms with", *(quantity(name, "mN m") for name in ("none", "own", "robust"))]
+    columns: list[Column | str] = ["rms with"]
+    columns += [quantity(name, "mN m") for name in ("none", "own", "robust")]
     rows = [
         (case.name, 1e3 * case.none_nm, 1e3 * case.own_nm, 1e3 * case.found_nm, case.ratio)
         for case in found.cases
