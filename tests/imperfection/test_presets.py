@@ -14,8 +14,6 @@ from dualbend.imperfection.config import PRESETS, ImperfectionsConfig, PresetNam
 from dualbend.imperfection.draws import stream
 from dualbend.scenario.load import load_scenario, parse_scenario
 
-NONE: list[str] = ["imperfections=none"]
-
 
 def numbers_of(preset: str, *settings: str) -> dict[str, Any]:
     scenario = load_scenario("fig6", [f"imperfections={preset}", *settings])

@@ -46,7 +46,7 @@ class Brakes:
         return CommandReference(
             position=np.where(
                 self.stopped,
-                self._from + v * time_s * passed * (1.0 - 0.5 * passed),
+                self._slowed(passed),
                 reference.position,
             ),
             velocity=np.where(self.stopped, v * (1.0 - passed), reference.velocity),
@@ -63,5 +63,8 @@ class Brakes:
         if not self.stopped.any():
             return commanded
         passed = np.minimum(self._since_s / self._time_s, 1.0)
-        own = self._from + self._speed * self._time_s * passed * (1.0 - 0.5 * passed)
-        return np.where(self.stopped, own, commanded)
+        return np.where(self.stopped, self._slowed(passed), commanded)
+
+    def _slowed(self, passed: Vector) -> Vector:
+        """Return where joints are at shares t/T of the time of a stop."""
+        return np.asarray(self._from + self._speed * self._time_s * passed * (1.0 - 0.5 * passed))
