@@ -37,6 +37,7 @@ from dualbend.scenario.load import load_scenario
 from dualbend.study.paper_figures import FORMATS, write_pictures
 from dualbend.table import Code, Column, Table
 from support.left_runs import copied, leave
+from support.strip import STRIP8
 
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
 EVIL = "<script>alert('x')</script> & \"quotes\""
@@ -45,8 +46,10 @@ EVIL = "<script>alert('x')</script> & \"quotes\""
 @pytest.fixture(scope="module")
 def top(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs")
-    leave(folder / "fig6", "fig6", *SHORT, "imperfections=none")
-    leave(folder / "fig8", "fig8", *SHORT, f"description={EVIL}")
+    # The rod of the believed sheet, between arms that keep to its plane, describes the run.
+    perfect = (*SHORT, "imperfections=none")
+    leave(folder / "fig8", "fig8", *perfect, f"description={EVIL}")
+    leave(folder / "fig6", "fig6", *perfect)
     leave(folder / "stopped", "fig8", *SHORT, "motion.settle_s=1", until=10)
     leave(folder / "pwb", "pwb", until=120)
     return folder
@@ -106,12 +109,15 @@ def test_a_plate_has_its_shape_too(tmp_path: Path) -> None:
 
 
 def test_the_reference_at_the_recorded_poses_is_the_true_moment(fig8: RunRecord) -> None:
-    """Discretisation-limited, 1 % of the peak at 0.1 rad/s; four times as fast here."""
+    """Discretisation-limited, 1 % of the peak at 0.1 rad/s; four times as fast here.
+
+    Before 0.1 rad the sheet still swings from its settling, which is short here.
+    """
     true = recorded_moments(fig8, bending_rows(fig8))[2]
     reference = reference_at_ends(fig8)
     assert true.name == "true"
     error = np.abs(np.interp(reference.x, true.x, true.y) - reference.y)
-    assert np.nanmax(error) < 0.05 * np.abs(true.y).max()
+    assert np.nanmax(error[reference.x > 0.1]) < 0.03 * np.abs(true.y).max()
 
 
 def test_a_sheet_that_yields_has_no_elastic_prediction(tmp_path: Path) -> None:
@@ -139,7 +145,7 @@ def test_phases_follow_each_other_without_a_gap(top: Path) -> None:
 
 
 def test_settings_tell_what_differs_from_the_defaults() -> None:
-    found = {s.key: s for s in settings_of(load_scenario("fig8", ["sensor.latency_ms=0"]))}
+    found = {s.key: s for s in settings_of(load_scenario(STRIP8, ["sensor.latency_ms=0"]))}
     assert found["robot.alter.delay_cycles"].changed
     assert (found["robot.alter.delay_cycles"].value, found["robot.alter.delay_cycles"].default) == (
         "2",

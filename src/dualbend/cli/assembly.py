@@ -27,7 +27,7 @@ from dualbend.files import write_whole
 @SETTINGS
 @JSON
 def plan(scenario: str, settings: tuple[str, ...], as_json: bool) -> None:
-    """Plan an assembly: the bending angles at which the holes fit.
+    """Plan at which bending angles the holes fit the pins.
 
     At these angles the middle holes fit over their pins and the outer holes are clear of theirs.
 
@@ -68,10 +68,10 @@ def robustness(
     out: Path | None,
     settings: tuple[str, ...],
 ) -> None:
-    """Assemble many sheets with errors, with and without compliance.
+    """Assemble many sheets with errors.
 
     Random errors are drawn with the standard deviations of task.spread. The same command
-    continues a study that was interrupted.
+    continues a study that was interrupted. Each sheet is assembled with compliance and without.
     """
     from dualbend.run.disk.output import json_text, uninterrupted
     from dualbend.study.robustness.figure import plot_success

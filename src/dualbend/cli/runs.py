@@ -241,7 +241,7 @@ def render(
     at_s: float | None,
     inset: bool,
 ) -> None:
-    """Run a scenario and save a picture or video, without a screen.
+    """Save a picture or video of a run, without a screen.
 
     The extension of --out decides: .gif is a video, .png a picture.
     """
@@ -304,7 +304,7 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
 @SETTINGS
 @click.option("--repeat", type=click.IntRange(1, 1000), default=5, help="Number of repetitions.")
 def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
-    """Compare the time of the loop with that of bare mj_step calls.
+    """Compare the loop's time with that of bare mj_step calls.
 
     Both use the same model and run alternately in one process.
     """

@@ -256,7 +256,7 @@ def tune(
     robust: PresetName | None,
     settings: tuple[str, ...],
 ) -> None:
-    """Search for the gains whose simulation has the smallest moment.
+    """Search for the gains with the smallest simulated moment.
 
     Starts from the scenario's own gains and keeps the required margins. The result is compared, by
     simulation, with no compliance and with the scenario's own. Takes about a minute.
@@ -322,6 +322,9 @@ def _tune_robust(
         f"margins in every loop at least {said(found.margin)}; {found.tried} gains tried, "
         f"searched with {', '.join(found.searched)}"
     )
+    if found.left_out:
+        left_out = ", ".join(found.left_out)
+        click.echo(f"left out, since no run without compliance completes: {left_out}")
     for line in (*_gains(found.compliance), *found.limits):
         click.echo(line)
     if out is not None:

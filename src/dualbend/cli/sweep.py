@@ -88,7 +88,7 @@ def imperfections(
     out: Path | None,
     settings: tuple[str, ...],
 ) -> None:
-    """Show what each imperfection does alone, and all together.
+    """Run each imperfection alone, then all together.
 
     The scenario is run without imperfections, with each one, and with all. The same command
     continues a study that was interrupted.

@@ -51,7 +51,7 @@ _number = partial(click.option, type=NUMBER)
 )
 @JSON
 def beam(*, as_json: bool, **given: Any) -> None:  # noqa: ANN401 - as the options say
-    """Compute force, moment and shape of a sheet between two grips.
+    """Compute force, moment and shape of a bent sheet.
 
     Also prints the force with the other kinds of bending stiffness and, with a material, the
     surface strain and its limit.

@@ -1,6 +1,7 @@
 """Gains whose worst case over the imperfections of a preset has the least moment.
 
-The search goes on with the worst cases alone: what it finds is simulated with every imperfection,
+A case is as bad as its moment over the one without compliance. The search goes on with the worst
+cases alone: what it finds is simulated with every imperfection,
 and where another one turns out worse than those it was searched with, that one is added and the
 search goes on from there.
 """
@@ -16,6 +17,7 @@ import msgspec
 import numpy as np
 
 from dualbend.control.compliance.admittance import ComplianceConfig, NoComplianceConfig
+from dualbend.errors import InputError
 from dualbend.imperfection.config import PresetName
 from dualbend.imperfection.sheet import true_sheet
 from dualbend.scenario.scenario import Scenario, variants
@@ -54,12 +56,16 @@ class Case(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RobustTuning(msgspec.Struct, frozen=True, kw_only=True):
-    """The result: gains, margins of their worst loop, all cases, and what limits each axis."""
+    """The result: gains, margins of their worst loop, all cases, and what limits each axis.
+
+    ``left_out``: imperfections with which a run without compliance does not complete.
+    """
 
     compliance: Gains
     margin: Margin
     cases: tuple[Case, ...]
     searched: tuple[str, ...]
+    left_out: tuple[str, ...]
     limits: tuple[str, ...]
     tried: int
 
@@ -80,16 +86,25 @@ def tune_robust(
     """Search gains that are better in the worst cases of a preset, at margins that hold in all.
 
     ``seeds``: runs of every case, from the scenario's seed on. Raises InputError where nothing
-    complies along the path, or the loop cannot be predicted.
+    complies along the path, the loop cannot be predicted, or a perfect cell without compliance
+    does not complete.
     """
-    worlds = variants(scenario, preset)
+    every = variants(scenario, preset)
     start = start_of(scenario)
     looked = [scenario.seed + i for i in range(seeds)]
     nothing = NoComplianceConfig(sensing=start.sensing)
-    without = {name: _moments(world, nothing, looked) for name, world in worlds.items()}
+    without = {name: _moments(world, nothing, looked) for name, world in every.items()}
+    worlds = {name: world for name, world in every.items() if np.isfinite(without[name]).all()}
+    if "none" not in worlds:
+        raise InputError(
+            f"{scenario.name}: without compliance and imperfections its run does not complete, so "
+            "there is nothing to compare with"
+        )
     own = {name: _moments(world, start, looked) for name, world in worlds.items()}
     found, tried = start, 0
-    searched = list(dict.fromkeys(("none", "all", _worst(own, without))))
+    searched = [
+        name for name in dict.fromkeys(("none", "all", _worst(own, without))) if name in worlds
+    ]
     for round_ in range(_ROUNDS):
         search = Search(
             scenario=scenario,
@@ -98,7 +113,8 @@ def tune_robust(
             peak_nm=float(np.mean([without[name][:, 1].mean() for name in searched])),
             on_try=partial(_told, on_progress, round_),
             worlds=[worlds[name] for name in searched],
-            loops=_loops(worlds, looked),
+            alone_nm=[float(without[name][:, 0].mean()) for name in searched],
+            loops=_loops(every, looked),
         )
         found = search.run(found)[0].compliance
         tried += search.tried
@@ -124,6 +140,7 @@ def tune_robust(
             for name in worlds
         ),
         searched=tuple(searched),
+        left_out=tuple(name for name in every if name not in worlds),
         limits=tuple(limits),
         tried=tried,
     )

@@ -114,9 +114,9 @@ class Search:
     ``seeds``: of the noise that a candidate is simulated with; it is better where its rms is
     smaller with every one of them and its mean peak is not above ``peak_nm``. ``worlds``: scenarios
     that are simulated in the place of the scenario, which differ from it in what its controller
-    does not know: a candidate is better only where it is so in every one. ``loops``: scenarios
-    beside it in whose loop the margins must hold. ``on_try`` is told how many candidates were
-    tried.
+    does not know, and ``alone_nm`` the rms of each without compliance: a candidate is better where
+    the largest of its shares of them is smaller. ``loops``: scenarios beside it in whose loop the
+    margins must hold. ``on_try`` is told how many candidates were tried.
     """
 
     def __init__(
@@ -127,10 +127,12 @@ class Search:
         peak_nm: float,
         on_try: Callable[[int], None],
         worlds: Sequence[Scenario] = (),
+        alone_nm: Sequence[float] = (),
         loops: Sequence[Scenario] = (),
     ) -> None:
         self.scenario, self.required = scenario, required
         self.cases = [(world, seed) for world in worlds or [scenario] for seed in seeds]
+        self._alone_nm = np.repeat(alone_nm, len(seeds))
         self.peak_nm, self.tried, self._on_try = peak_nm, 0, on_try
         self._loops = (scenario, *loops)
         self._known: set[Gains] = set()
@@ -183,13 +185,20 @@ class Search:
             return None
         rows: list[Vector] = []
         too_high = self._excess(best.moments) > 0.0
-        for (world, seed), before in zip(self.cases, best.moments, strict=True):
+        for (world, seed), bound in zip(self.cases, self._bounds(best.moments), strict=True):
             rows.append(simulate(with_compliance(world, compliance), seed)[0])
-            if not (too_high or rows[-1][0] < before[0]):
+            if not (too_high or rows[-1][0] < bound):
                 return None
         trial = Trial(compliance=compliance, margin=margin, moments=np.array(rows))
         excess = self._excess(trial.moments)
         return trial if excess < self._excess(best.moments) or excess == 0.0 else None
+
+    def _bounds(self, best: Vector) -> Vector:
+        """Return below which rms [N m] (cases,) a candidate is better than moments (cases, 2)."""
+        rms = best[:, 0]
+        if not self._alone_nm.size:
+            return rms
+        return np.asarray(self._alone_nm * np.max(rms / self._alone_nm))
 
     def _excess(self, found: Vector) -> float:
         """Return how far the mean peak is above the bound, relative to it; 0 if it is not."""
