@@ -10,9 +10,10 @@ import pytest
 from dualbend.evaluation.metrics import bending_rows
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
-from fig8 import window
+from fig8 import held, window
 from fig8.changes import CHANGES, CONTROLLED, NOMINAL, Change
 from fig8.constant import Constants
+from fig8.held import KNOTS_RAD, Held, Preset, held_table, hold_one, run_held
 from fig8.window import (
     COMPLYING,
     CONTROLS,
@@ -147,3 +148,33 @@ def test_a_study_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.Monkey
     again = run_window(tmp_path, seeds=2, changes=(NOMINAL,))
     assert set(first) < set(again)
     assert made == list(again)  # none twice
+
+
+def test_the_weight_alone_is_what_a_perfect_cell_holds_at_a_knot(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Discretisation-limited: 20 hinges are 3 % off there, O(h²); 0.2 % of q L²/12."""
+    monkeypatch.setattr(held, "_HOLD_S", 3.0)
+    found = hold_one(0.2, "none", 1)
+    assert found.moment_nm == pytest.approx(found.rod_nm, rel=0.05)
+    assert found.rod_nm > 0.01
+    # Analytic: 2024-T3, 0.8 × 0.3 × 0.001 m, of both fixed ends.
+    assert found.fixed_end_nm == pytest.approx(2780 * 0.3 * 0.001 * 9.81 * 0.8**2 / 12, rel=1e-3)
+
+
+def test_what_is_held_is_shown_beside_the_rod_and_over_the_seeds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def one(knot: float, preset: Preset, seed: int) -> Held:
+        return Held(knot, preset, seed, -1e-2 if preset == "none" else 1e-3 * seed, -8e-3, 0.2)
+
+    monkeypatch.setattr(held, "hold_one", one)
+    monkeypatch.setattr(
+        held,
+        "in_processes",
+        lambda _: lambda tasks, run: ((key, run(*task)) for key, task in tasks.items()),
+    )
+    rows = held_table(run_held(tmp_path, seeds=3)).rows
+    assert [row[0] for row in rows] == list(KNOTS_RAD)
+    # Exact: 2 of 8 mN m too low, 1 % of 200.
+    assert rows[0][1:] == pytest.approx((-8.0, -10.0, -25.0, -1.0, 1.0, 2.0, 3.0))

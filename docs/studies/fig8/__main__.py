@@ -11,6 +11,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from dualbend.errors import DualbendError
 from fig8.changes import CONTROLLED
+from fig8.held import held_table, run_held
 from fig8.window import control_table, run_window, window_table
 
 
@@ -20,17 +21,18 @@ from fig8.window import control_table, run_window, window_table
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
 def main(out: Path, seeds: int, workers: int) -> None:
     """Change one thing at a time; takes an hour, and goes on where it was interrupted."""
+
+    def on_run(done: int, of: int, _: object) -> None:
+        click.echo(f"\r{done} of {of} runs", nl=False, err=True)
+
     try:
-        runs = run_window(
-            out,
-            seeds=seeds,
-            workers=workers,
-            on_run=lambda done, of, _: click.echo(f"\r{done} of {of} runs", nl=False, err=True),
-        )
+        runs = run_window(out, seeds=seeds, workers=workers, on_run=on_run)
+        held = run_held(out / "held", seeds=seeds, workers=workers, on_run=on_run)
     except DualbendError as error:
         raise click.UsageError(str(error)) from error
     click.echo(f"\n{window_table(runs, seeds).markdown()}\n")
-    click.echo(control_table(runs, CONTROLLED).markdown())
+    click.echo(f"{control_table(runs, CONTROLLED).markdown()}\n")
+    click.echo(held_table(held).markdown())
 
 
 if __name__ == "__main__":
