@@ -13,7 +13,7 @@ from dualbend.arm.pair import ArmPair, paper_pair
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.errors import InputError
 from dualbend.imperfection.draws import cut_normal, stream
-from dualbend.imperfection.robot import RobotErrors, TrueArms
+from dualbend.imperfection.robot import RobotErrors, TrueArms, _scale
 from dualbend.mechanics.jacobian import site_jacobian
 from dualbend.run.arms import arm_pair
 from dualbend.run.cell import RobotCell
@@ -144,6 +144,23 @@ def test_masses_that_are_ten_percent_more_than_believed_sag_under_a_tenth_of_the
     found = sag(cell) * cell.servo.stiffness
     np.testing.assert_allclose(found, 0.1 * weight, rtol=5e-3, atol=2e-3)
     assert np.abs(found).max() > 2.0
+
+
+def test_any_mass_is_compiled_also_of_a_link_whose_principal_moment_is_the_sum_of_the_others() -> (
+    None
+):
+    """The published PUMA's third link is such a one; 1e-12: what rounding is kept from."""
+    for ratio in np.random.default_rng(5).uniform(0.8, 1.2, 200):
+        spec = mujoco.MjSpec()
+        body = spec.worldbody.add_body(mass=4.8, inertia=[0.066, 0.0785, 0.0125])
+        body.explicitinertial = True
+        body.add_joint()
+        _scale(body, float(ratio))
+        model = spec.compile()
+        assert model.body_mass[1] == 4.8 * ratio
+        np.testing.assert_allclose(
+            sorted(model.body_inertia[1]), ratio * np.array([0.0125, 0.066, 0.0785]), rtol=1e-11
+        )
 
 
 def test_a_tool_heavier_than_believed_sags_about_its_centre_of_mass() -> None:

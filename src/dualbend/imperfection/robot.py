@@ -155,10 +155,17 @@ class TrueArms:
         body.pos, body.quat = place, quat
 
 
+_ROUNDING = 1e-12
+
+
 def _scale(body: mujoco.MjsBody, ratio: float) -> None:
     """Scale a body's mass and inertia; its drive goes on holding up the weight it believes in."""
+    if ratio == 1.0:
+        return
     body.mass *= ratio
-    body.inertia = body.inertia * ratio
+    inertia = body.inertia * ratio
+    # A principal moment that is the sum of the other two may be beyond it by rounding.
+    body.inertia = np.minimum(inertia, (inertia.sum() - inertia) * (1.0 - _ROUNDING))
     body.fullinertia = body.fullinertia * ratio
     body.gravcomp /= ratio
 
