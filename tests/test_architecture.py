@@ -14,7 +14,7 @@ from support.scripts import load_script
 
 PACKAGE = Path(dualbend.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
-FOUNDATION = ("errors", "types", "resources", "registry", "table", "files")
+FOUNDATION = ("errors", "interrupts", "types", "resources", "registry", "table", "files")
 ROOMS = (
     *FOUNDATION,
     "beam",

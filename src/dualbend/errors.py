@@ -1,7 +1,6 @@
 """What can go wrong, as one family of exceptions."""
 
 import reprlib
-import signal
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -16,23 +15,6 @@ class DualbendError(Exception):
 
 class InputError(DualbendError, ValueError):
     """The user gave something that cannot be used; the message says what would be right."""
-
-
-ENDING_SIGNALS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-)
-"""Signals that ask a process to end."""
-
-
-class Interrupted(KeyboardInterrupt):
-    """A signal asks the program to end as soon as what was computed is kept.
-
-    ``signal``: its number, also of an interrupt from the keyboard.
-    """
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.signal = number
 
 
 def shortened(text: str, most: int = _LONGEST_MESSAGE) -> str:

@@ -71,20 +71,18 @@ return [...document.querySelectorAll(".plot")]
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of three runs: both gains, and an assembly that was stopped on its way."""
+def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Three runs: both gains, and an assembly that was stopped on its way."""
     top = tmp_path_factory.mktemp("runs")
-    folders = [
+    return [
         leave(top / "fig8", "fig8", *SHORT),
         leave(top / "fig9", "fig9", *SHORT, 'expect.outcome=["completed","failed"]'),
         leave(top / "pwb", "pwb", until=400),
     ]
-    write_report(folders, top / "report.html")
-    return top / "report.html"
 
 
-@pytest.fixture
-def browser(tmp_path: Path) -> Iterator["webdriver.Chrome"]:
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator["webdriver.Chrome"]:
     if CHROMIUM is None or DRIVER is None:
         message = "no chromium and chromedriver: apt-get install chromium chromium-driver"
         if os.environ.get("DUALBEND_REQUIRE_BROWSER") == "1":
@@ -92,7 +90,7 @@ def browser(tmp_path: Path) -> Iterator["webdriver.Chrome"]:
         pytest.skip(message)
     options = webdriver.ChromeOptions()
     options.binary_location = CHROMIUM
-    for argument in (*ARGUMENTS, f"--user-data-dir={tmp_path / 'profile'}"):
+    for argument in (*ARGUMENTS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
@@ -100,6 +98,16 @@ def browser(tmp_path: Path) -> Iterator["webdriver.Chrome"]:
         yield driver
     finally:
         driver.quit()
+
+
+@pytest.fixture(scope="module")
+def page(
+    browser: "webdriver.Chrome", folders: list[Path], tmp_path_factory: pytest.TempPathFactory
+) -> int:
+    """Their report, loaded once, since that takes a minute: how many plots are drawn."""
+    path = tmp_path_factory.mktemp("page") / "report.html"
+    write_report(folders, path)
+    return open_page(browser, path)
 
 
 def open_page(browser: "webdriver.Chrome", page: Path) -> int:
@@ -146,11 +154,10 @@ def coloured(browser: "webdriver.Chrome") -> dict[str, int]:
 
 
 def test_the_page_is_drawn_without_an_error_and_without_a_network(
-    browser: "webdriver.Chrome", page: Path
+    browser: "webdriver.Chrome", page: int
 ) -> None:
-    drawn = open_page(browser, page)
     places = browser.execute_script("return document.querySelectorAll('.plot').length")
-    assert drawn == places > 30
+    assert page == places > 30
     found = coloured(browser)
     assert len(found) == places
     assert min(found.values()) >= 20, found
@@ -158,8 +165,8 @@ def test_the_page_is_drawn_without_an_error_and_without_a_network(
     assert outside(browser) == []
 
 
-def test_zooming_one_plot_zooms_those_beside_it(browser: "webdriver.Chrome", page: Path) -> None:
-    open_page(browser, page)
+@pytest.mark.usefixtures("page")
+def test_zooming_one_plot_zooms_those_beside_it(browser: "webdriver.Chrome") -> None:
     titles = browser.execute_script(
         """
         const beside = Bokeh.documents[0].roots().filter(
@@ -171,9 +178,9 @@ def test_zooming_one_plot_zooms_those_beside_it(browser: "webdriver.Chrome", pag
     assert titles == [[0.1, 0.2]] * 2
 
 
-def test_no_toolbar_lies_over_a_title(browser: "webdriver.Chrome", page: Path) -> None:
+@pytest.mark.usefixtures("page")
+def test_no_toolbar_lies_over_a_title(browser: "webdriver.Chrome") -> None:
     """Each has a row of its own, however long the title and narrow the plot."""
-    open_page(browser, page)
     heads = browser.execute_script(HEADS)
     # Two figures of the paper beside each other, and a map of two axes for each.
     assert len(heads) >= 4
@@ -182,23 +189,32 @@ def test_no_toolbar_lies_over_a_title(browser: "webdriver.Chrome", page: Path) -
         assert title_top >= toolbar_bottom
 
 
-def test_a_phone_scrolls_down_only(browser: "webdriver.Chrome", page: Path) -> None:
+def test_a_phone_scrolls_down_only(
+    browser: "webdriver.Chrome", folders: list[Path], tmp_path: Path
+) -> None:
+    """Two runs beside each other; a narrow window of many plots is laid out for a minute."""
+    write_report(folders[:2], tmp_path / "report.html")
     browser.execute_cdp_cmd(
         "Emulation.setDeviceMetricsOverride",
         {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True},
     )
-    open_page(browser, page)
-    wide, screen = browser.execute_script(
-        "return [document.documentElement.scrollWidth, window.innerWidth]"
-    )
+    try:
+        open_page(browser, tmp_path / "report.html")
+        wide, screen = browser.execute_script(
+            "return [document.documentElement.scrollWidth, window.innerWidth]"
+        )
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     assert wide <= screen
 
 
 def test_what_the_test_looks_for_would_be_seen(
-    browser: "webdriver.Chrome", page: Path, tmp_path: Path
+    browser: "webdriver.Chrome", folders: list[Path], tmp_path: Path
 ) -> None:
-    """The page made worse: an error, a picture from outside, a plot that is not drawn."""
-    text = page.read_text(encoding="utf-8").replace("default-src", "x-default-src")
+    """A page made worse: an error, a picture from outside, a plot that is not drawn."""
+    good = tmp_path / "report.html"
+    write_report(folders[:1], good)
+    text = good.read_text(encoding="utf-8").replace("default-src", "x-default-src")
     text = text.replace("script-src", "x-script-src").replace("img-src", "x-img-src")
     bad = "<img src='http://127.0.0.1:9/x.png'><div class='plot' id='none'></div>"
     worse = tmp_path / "worse.html"

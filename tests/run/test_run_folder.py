@@ -13,8 +13,9 @@ from click.testing import CliRunner
 from PIL import Image
 
 from dualbend.cli import main
-from dualbend.errors import InputError, Interrupted
+from dualbend.errors import InputError
 from dualbend.files import locked_folder, part_of, whole_file, write_whole
+from dualbend.interrupts import Interrupted
 from dualbend.report.results import write_results
 from dualbend.run.disk import folder as disk
 from dualbend.run.disk import output

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from dualbend.study import processes
-from support.stand_in import CALLS, InProcess
+from support.rows import CALLS
+from support.stand_in import InProcess
 
 
 @pytest.fixture

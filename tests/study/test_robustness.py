@@ -18,7 +18,8 @@ from dualbend.study.robustness.run import SCENARIO, run_study
 from dualbend.study.robustness.summary import command, success_interval, summarise, table
 from dualbend.study.robustness.trial import NOT_SEATED, Trial, cause_of, run_one, trial
 from dualbend.task.assembly.draws import draw, without_compliance
-from support.stand_in import PWB, a_trial, never
+from support.rows import never
+from support.stand_in import PWB, a_trial
 
 
 def trials(n: int = 40) -> list[Trial]:

@@ -1,15 +1,9 @@
-"""Runs that take no time, importable by a worker process that is to start quickly."""
+"""Runs of sweeps and of assemblies that take no time."""
 
 import math
-import os
-import signal
-import time
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from pathlib import Path
 from typing import Any
-
-import msgspec
 
 from dualbend.run.record import Metric
 from dualbend.scenario.load import load_scenario
@@ -17,10 +11,9 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.study.robustness.trial import Trial, trial
 from dualbend.study.sweep.run import RunRow
 from dualbend.task.assembly.draws import draw, misalignment, without_compliance
+from support.rows import called
 
 PWB = load_scenario("pwb")
-CALLS = "DUALBEND_TEST_CALLS"
-"""Environment variable: the file to which each run adds its line."""
 
 
 class InProcess(Executor):
@@ -36,50 +29,6 @@ class InProcess(Executor):
         except BaseException as error:
             future.set_exception(error)
         return future
-
-
-class Row(msgspec.Struct, frozen=True):
-    """What a run of no study in particular comes to."""
-
-    index: int
-    said: str = "done"
-
-
-def plain(index: int) -> Row:
-    called(index)
-    return Row(index)
-
-
-def called(index: int) -> None:
-    if CALLS in os.environ:
-        with Path(os.environ[CALLS]).open("a", encoding="utf-8") as file:
-            file.write(f"{index} {os.environ.get('OMP_NUM_THREADS')}\n")
-
-
-def slow(index: int) -> Row:
-    time.sleep(0.0 if index < 2 else 60.0)
-    return plain(index)
-
-
-def deadly(index: int) -> Row:
-    """Run 3 kills its process, whenever it is tried."""
-    if index == 3:
-        called(index)
-        os._exit(1)
-    return plain(index)
-
-
-def unlucky(index: int) -> Row:
-    """Run 1's process is killed once."""
-    mark = Path(os.environ[CALLS]).with_suffix(".killed")
-    if index == 1 and not mark.exists():
-        mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return plain(index)
-
-
-def never(index: int, *_: object) -> Any:
-    raise AssertionError(f"run {index} is done already")
 
 
 def a_sweeps_run(index: int, scenario: Scenario) -> RunRow:

@@ -73,7 +73,8 @@ def robustness(
     Random errors are drawn with the standard deviations of task.spread. The same command
     continues a study that was interrupted. Each sheet is assembled with compliance and without.
     """
-    from dualbend.run.disk.output import json_text, uninterrupted
+    from dualbend.interrupts import uninterrupted
+    from dualbend.run.disk.output import json_text
     from dualbend.study.robustness.figure import plot_success
     from dualbend.study.robustness.run import run_study
     from dualbend.study.robustness.summary import summarise, table

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-from dualbend.errors import ENDING_SIGNALS, Interrupted
+from dualbend.interrupts import ENDING_SIGNALS, Interrupted
 
 
 class _Output(io.FileIO):

@@ -74,8 +74,8 @@ def run(
         _which_scenario(asked=not _any_given())
         return
     from dualbend.evaluation.warnings import scenario_warnings
+    from dualbend.interrupts import uninterrupted
     from dualbend.run.disk.folder import run_folder
-    from dualbend.run.disk.output import uninterrupted
     from dualbend.run.make import make_run
 
     loaded = load(scenario, settings, seed)

@@ -6,8 +6,9 @@ from typing import Annotated, Final, TypeAlias, get_args
 
 import msgspec
 
-from dualbend.errors import DualbendError, Interrupted
+from dualbend.errors import DualbendError
 from dualbend.evaluation.metrics import WALL_CLOCK
+from dualbend.interrupts import Interrupted
 from dualbend.run.loop import Run
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.sections import Outcome

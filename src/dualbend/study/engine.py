@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar, TypeVarTuple
 
 from dualbend.errors import DualbendError
-from dualbend.run.disk.output import uninterrupted
+from dualbend.interrupts import uninterrupted
 from dualbend.study.folder import StudyFolder
 
 Key = TypeVar("Key", bound=Hashable)

@@ -19,7 +19,7 @@ import msgspec
 
 from dualbend.errors import InputError, refusing, writing
 from dualbend.files import locked_folder, write_all, write_whole
-from dualbend.run.disk.output import uninterrupted
+from dualbend.interrupts import uninterrupted
 from dualbend.run.reading.json_file import file_bytes, json_of, read_json
 
 STUDY, RUNS = "study.json", "runs.jsonl"

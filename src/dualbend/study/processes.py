@@ -13,8 +13,8 @@ from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
-from dualbend.errors import ENDING_SIGNALS, InputError
-from dualbend.run.disk.output import uninterrupted
+from dualbend.errors import InputError
+from dualbend.interrupts import ENDING_SIGNALS, uninterrupted
 from dualbend.study.engine import Arguments, Key, Lost, Place, Row, WorkerDiedError, as_they_end
 
 DIED = "the process that ran it died, also when it ran alone"

@@ -4,10 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,39 +12,10 @@ import mujoco
 import numpy as np
 import pyarrow.parquet as pq
 
-from dualbend.errors import ENDING_SIGNALS, InputError, refusing, writing
+from dualbend.errors import InputError, refusing, writing
 from dualbend.run.disk.folder import LOG, UNFINISHED, RunFolder
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import Trace, read_trace
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Let signals that ask for an end wait: what took long to compute is written in a second or so.
-
-    A process that is started meanwhile has them blocked, where the system can do that.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    came: list[int] = []
-    # What is ignored stays ignored; None: set by no Python program, and not to be set again.
-    before = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
-    before = {k: v for k, v in before.items() if v not in (signal.SIG_IGN, None)}
-    for number in before:
-        signal.signal(number, lambda number, _: came.append(number))
-    blocked = hasattr(signal, "pthread_sigmask")
-    if blocked:
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, before)
-    try:
-        yield
-    finally:
-        if blocked:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    if came:
-        signal.raise_signal(came[0])
 
 
 def write_numbers(result: RunRecord, kept: RunFolder) -> None:

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from dualbend.run.disk.output import uninterrupted
+from dualbend.interrupts import uninterrupted
 
 
 def test_an_interrupt_waits_until_results_are_written() -> None:
