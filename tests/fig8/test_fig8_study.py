@@ -83,7 +83,7 @@ def test_what_does_not_hold_is_in_bold_and_a_refused_run_says_why() -> None:
         Ran(settings=refused.settings, case="fig6", seed=1, ended="refused: too heavy"),
         *(ran(refused, case) for case in COMPLYING),
     )
-    shipped, wider, heavier, median, high, largest = window_table(
+    shipped, wider, heavier, median, high, largest, rms = window_table(
         runs, 3, (NOMINAL, WIDER, refused)
     ).rows
     # Exact: two digits; the halved B is stated, not gated.
@@ -96,6 +96,8 @@ def test_what_does_not_hold_is_in_bold_and_a_refused_run_says_why() -> None:
     assert median[1:4] == ["0.20 0.20 0.04", "0.20", "0.20"]
     assert high[2] == "0.29"  # linear between the two largest of three
     assert (largest[0], largest[2]) == ("largest of seeds 1-3", "0.30")
+    # Analytic: √((0.01 + 0.04 + 0.09)/3).
+    assert rms[1:4] == ["0.22 0.22 0.06", "0.22", "0.22"]
 
 
 def test_constants_stand_beside_feedback() -> None:
