@@ -9,8 +9,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from numpy.typing import NDArray
 
+from dualbend.cli import main
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
@@ -334,3 +336,21 @@ def test_errors_are_told_with_their_sign(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be written"):
         plot_onsets(FIG9, found, tmp_path / "nowhere" / "map.png")
     assert msgspec.json.decode(msgspec.json.encode(found), type=OnsetStudy) == found
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("fig8", {"rotation"}), (STRIP9, {"x", "rotation"}), (STRIP6, {"x", "rotation"})],
+)
+def test_the_axes_that_comply_are_studied(
+    name: str, expected: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: set[str] = set()
+
+    def study(_: Scenario, points: list[Point], **__: object) -> OnsetStudy:
+        seen.update(point.axis for point in points)
+        raise InputError("enough")
+
+    monkeypatch.setattr(module, "onset_study", study)
+    assert CliRunner().invoke(main, ["stability", name, "--validate"]).exit_code == 2
+    assert seen == expected

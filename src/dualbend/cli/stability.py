@@ -142,7 +142,8 @@ def _validate(
         if case is not None:
             click.echo(f"{done}/{total}  {describe_case(case)}", err=True)
 
-    axes = AXES if axis == "coupled" else (axis,)
+    on = [each for each in AXES if getattr(loaded.compliance, each) is not None]
+    axes = (on or AXES) if axis == "coupled" else (axis,)
     points = grid(axes) if draw is None else drawn(*draw, axes)
     found = onset_study(loaded, points, workers=workers, folder=folder, on_run=tell)
     write_report(found, folder)
