@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from dualbend.study import processes
-from support.rows import CALLS
+from support.small_runs import CALLS
 from support.stand_in import InProcess
 
 

@@ -15,7 +15,7 @@ from dualbend.errors import InputError
 from dualbend.study.engine import Study, WorkerDiedError
 from dualbend.study.folder import RUNS, STUDY, StudyFolder
 from dualbend.study.processes import DIED, in_processes
-from support.rows import Row, deadly, never, plain, unlucky
+from support.small_runs import Row, deadly, never, plain, unlucky
 
 TOLD = tuple[int, int, int | None]
 
@@ -137,7 +137,7 @@ sys.path.insert(0, sys.argv[1])
 if __name__ == "__main__":
     from study.test_engine import in_processes, kept, study
     from dualbend.cli.process import signals_raised
-    from support.rows import slow
+    from support.small_runs import slow
     with signals_raised() as came:
         try:
             study(slow).run(in_processes(2), kept(pathlib.Path(sys.argv[2])))

@@ -25,7 +25,7 @@ from dualbend.study.robustness.run import run_study
 from dualbend.study.sweep.design import make_design
 from dualbend.study.sweep.file import load_sweep
 from dualbend.study.sweep.run import RunRow, run_sweep
-from support.rows import never
+from support.small_runs import never
 from support.stand_in import PWB, a_sweeps_run, a_trial
 
 SWEEP = """

@@ -21,7 +21,7 @@ from dualbend.study.sweep.file import SCENARIO, load_sweep
 from dualbend.study.sweep.report import write_report
 from dualbend.study.sweep.run import RunOne, RunRow, run_row, run_sweep
 from dualbend.study.sweep.table import TABLE
-from support.rows import never
+from support.small_runs import never
 from support.stand_in import a_sweeps_run
 from support.strip import STRIP8
 

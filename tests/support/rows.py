@@ -1,56 +1,33 @@
-"""Runs of no study in particular, importable by a worker process that is to start quickly."""
+"""Runs made of rows that are written down: the numbers of a run on signals with known answers."""
 
-import os
-import signal
-import time
-from pathlib import Path
 from typing import Any
 
-import msgspec
+import numpy as np
 
-CALLS = "DUALBEND_TEST_CALLS"
-"""Environment variable: the file to which each run adds its line."""
-
-
-class Row(msgspec.Struct, frozen=True):
-    """What a run of no study in particular comes to."""
-
-    index: int
-    said: str = "done"
+from dualbend.run.record import RunRecord, Scene
+from dualbend.run.trace import Trace, TraceRecorder
+from dualbend.scenario.scenario import Scenario
+from dualbend.types import Vector
 
 
-def plain(index: int) -> Row:
-    called(index)
-    return Row(index)
-
-
-def called(index: int) -> None:
-    if CALLS in os.environ:
-        with Path(os.environ[CALLS]).open("a", encoding="utf-8") as file:
-            file.write(f"{index} {os.environ.get('OMP_NUM_THREADS')}\n")
-
-
-def slow(index: int) -> Row:
-    time.sleep(0.0 if index < 2 else 60.0)
-    return plain(index)
-
-
-def deadly(index: int) -> Row:
-    """Run 3 kills its process, whenever it is tried."""
-    if index == 3:
-        called(index)
-        os._exit(1)
-    return plain(index)
-
-
-def unlucky(index: int) -> Row:
-    """Run 1's process is killed once."""
-    mark = Path(os.environ[CALLS]).with_suffix(".killed")
-    if index == 1 and not mark.exists():
-        mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return plain(index)
-
-
-def never(index: int, *_: object) -> Any:
-    raise AssertionError(f"run {index} is done already")
+def written_run(
+    scenario: Scenario,
+    columns: dict[str, Any],
+    task_columns: tuple[tuple[str, str], ...] = (),
+    bend_stiffness: float | None = None,
+    **parts: Any,
+) -> RunRecord:
+    """Return a run of these columns, each a number or one for each row; the others are 0."""
+    sensing = [i for i, side in enumerate(("left", "right")) if side in scenario.compliance.sensing]
+    hinges = scenario.sheet.model.sections
+    named = TraceRecorder(0, sensing, 0, hinges, ["left_joint1", "right_joint1"], task_columns)
+    rows = max(np.size(value) for value in columns.values())
+    names = [name for name, _ in named.columns]
+    values: Vector = np.zeros((rows, len(names)))
+    for name, value in columns.items():
+        values[:, names.index(name)] = value
+    scene = None
+    if bend_stiffness is not None:
+        scene = Scene(model=None, bend_stiffness=bend_stiffness)  # type: ignore[arg-type]
+    ended = {"outcome": "completed", "simulated_s": 0.028 * rows, "wall_time_s": 2.0, **parts}
+    return RunRecord(scenario=scenario, trace=Trace(named.columns, values), scene=scene, **ended)

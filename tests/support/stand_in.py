@@ -11,7 +11,7 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.study.robustness.trial import Trial, trial
 from dualbend.study.sweep.run import RunRow
 from dualbend.task.assembly.draws import draw, misalignment, without_compliance
-from support.rows import called
+from support.small_runs import called
 
 PWB = load_scenario("pwb")
 

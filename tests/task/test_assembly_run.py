@@ -21,6 +21,7 @@ from dualbend.run.trace import WALL_CLOCK_COLUMNS, Trace, TraceRecorder, TraceSt
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.scene.sheet.strips import bend_joint, strip_body, twist_joint
+from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly import run as assembly_run
 from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.metrics import final_holes, phase_table, seated
@@ -100,6 +101,33 @@ def test_a_hole_that_is_not_around_its_pin_or_not_down_is_not_seated(
     holes[2] += shift
     moved = dataclasses.replace(result, laid=(holes,))
     np.testing.assert_array_equal(seated(moved), [[True, True, held, True]])
+
+
+@pytest.mark.parametrize(
+    ("shift", "said"),
+    [
+        ((3e-3, 4e-3, 0.0), "5.00 mm off its pin's axis and 0.00 mm above its rest"),
+        ((0.0, 0.0, 4e-3), "0.00 mm off its pin's axis and 4.00 mm above its rest"),
+    ],
+)
+def test_a_run_whose_program_let_go_of_a_sheet_that_is_not_seated_has_failed(
+    shift: tuple[float, float, float], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exact: hole and distance; of a stack, each sheet rests on those before it."""
+    one = AssemblyRun(load_scenario("pwb-stack"))
+    one.laid = []
+    thickness, holes = one.cell.sheet.thickness_m, np.zeros((4, 3))
+    monkeypatch.setattr(one.pins, "offsets", holes.copy)
+    one._lay()
+    holes[:, 2] = thickness
+    one._lay()
+    holes[2] += shift
+    holes[:, 2] += thickness
+    with pytest.raises(
+        SimulationFailed, match=f"withdraw: not seated: the {HOLES[2]} hole is {said}"
+    ):
+        one._lay()
+    assert len(one.laid) == 3
 
 
 def test_a_sheet_that_was_not_let_go_is_not_seated() -> None:

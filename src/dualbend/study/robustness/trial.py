@@ -27,6 +27,7 @@ from dualbend.task.assembly.metrics import pin_table, seated
 from dualbend.types import Vector
 
 CAUSES = (
+    (": not seated:", "holes not seated"),
     ("the middle holes did not find", "middle holes not found"),
     ("the outer holes did not find", "outer holes not found"),
     ("hole edge is", "force on a hole's edge"),
@@ -46,8 +47,8 @@ CAUSES = (
 )
 """What the reason of a run that ended early says, and the class that it belongs to; first match."""
 
-NOT_SEATED, OTHER = "holes not seated", "other"
-BEFORE, AFTER = "before the run", "after the run"
+OTHER = "other"
+BEFORE = "before the run"
 
 _Size = Annotated[float, msgspec.Meta(ge=0)]
 
@@ -127,14 +128,11 @@ def trial(drawn: Scenario, index: int, **ended: bool | str | float | None) -> Tr
 
 
 def _evaluated(result: RunRecord, index: int) -> Trial:
-    config = assembly_of(result.scenario)
     count = int(seated(result).sum())
-    success = result.outcome == "completed" and count == len(HOLES) * config.sheets
+    success = result.outcome == "completed"
     phase, cause = "", ""
-    if result.outcome != "completed":
+    if not success:
         phase, cause = _phase(result.task.phases, result.trace), cause_of(result.reason)
-    elif not success:
-        phase, cause = AFTER, NOT_SEATED
     forces = [row["peak_force_n"] for row in pin_table(result)] if result.trace.rows else []
     strain = surface_strain(result)
     strain = strain[np.isfinite(strain)]
@@ -187,7 +185,7 @@ def refuse_strangers(scenario: Scenario, seed: int, trials: Sequence[Trial]) -> 
             raise InputError(
                 f"{at}: holes_seated = {one.holes_seated}: it has {len(HOLES) * sheets}"
             )
-        if one.phase not in ("", BEFORE, *phases, AFTER):
+        if one.phase not in ("", BEFORE, *phases):
             raise InputError(f"{at}: phase = {one.phase!r}: the phases are {', '.join(phases)}")
 
 

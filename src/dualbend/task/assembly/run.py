@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -34,6 +35,7 @@ from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly.config import ErrorsConfig, assembly_of
+from dualbend.task.assembly.metrics import on_their_pins
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyProgram
 from dualbend.task.assembly.stiffness import object_stiffness
@@ -277,7 +279,7 @@ class AssemblyRun(Run):
                 f"{PHASES[goal.phase]}: not done within {self.config.sheets * LONGEST_S:g} s"
             )
         if laid > len(self.laid):
-            self.laid.append(self.pins.offsets())
+            self._lay()
             self._supply()
         x, rise, alpha = self._pose(goal.posture).tolist()
         place = _place(goal.posture)
@@ -302,8 +304,24 @@ class AssemblyRun(Run):
             error_m=error,
         )
         if self._task.advance(sensed) is None:
-            self.laid.append(self.pins.offsets())
+            self._lay()
         return True
+
+    def _lay(self) -> None:
+        """Keep where the holes of a sheet lie that was let go, and fail where one is not seated.
+
+        The program believes that all are.
+        """
+        self.laid.append(self.pins.offsets())
+        holes = self.laid[-1] - [0.0, 0.0, (len(self.laid) - 1) * self.cell.sheet.thickness_m]
+        there = on_their_pins(holes, self.config.layout.holes.clearance_m)
+        if not there.all():
+            which = int(np.argmin(there))
+            x, y, z = 1e3 * holes[which]
+            raise SimulationFailed(
+                f"{PHASES[-1]}: not seated: the {HOLES[which]} hole is {math.hypot(x, y):.2f} mm "
+                f"off its pin's axis and {z:.2f} mm above its rest"
+            )
 
     def _comply(self, goal: Goal, net: Vector) -> Vector:
         """Return the deviation of the held sheet, x, y [m] and yaw [rad] (3,)."""
