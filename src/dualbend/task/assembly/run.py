@@ -317,7 +317,7 @@ class AssemblyRun(Run):
         there = on_their_pins(holes, self.config.layout.holes.clearance_m)
         if not there.all():
             which = int(np.argmin(there))
-            x, y, z = 1e3 * holes[which]
+            x, y, z = np.round(1e3 * holes[which], 2) + 0.0  # no minus before a zero
             raise SimulationFailed(
                 f"{PHASES[-1]}: not seated: the {HOLES[which]} hole is {math.hypot(x, y):.2f} mm "
                 f"off its pin's axis and {z:.2f} mm above its rest"
