@@ -120,6 +120,15 @@ def test_a_scheduler_that_does_not_answer_is_one_message(
     assert result.stderr.count("\n") == 1
 
 
+def test_a_connection_that_breaks_off_is_one_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    def breaks(*_: object, **__: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("distributed.Client", breaks)
+    with pytest.raises(InputError, match="no scheduler answers"):
+        on_cluster("tcp://127.0.0.1:1")
+
+
 def test_without_the_extra_it_is_said_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(InputError, match=r"pip install 'dualbend\[dask\]'"):
