@@ -22,7 +22,7 @@ from dualbend.scenario.load import list_scenarios, load_scenario
 from dualbend.scenario.shipped import complete_scenario
 
 COMMANDS = sorted(main.commands)
-LIGHT = {"dualbend", "dualbend.errors", "dualbend.files", "dualbend.cli"} | {
+LIGHT = {"dualbend", "dualbend.errors", "dualbend.files", "dualbend.interrupts", "dualbend.cli"} | {
     f"dualbend.cli.{module.name}" for module in pkgutil.iter_modules(dualbend.cli.__path__)
 }
 FOLDER = {"dualbend.resources", "dualbend.scenario", "dualbend.scenario.shipped"}
