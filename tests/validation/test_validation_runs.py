@@ -92,7 +92,7 @@ def test_compliance_halves_the_peaks_of_the_pieces_in_which_it_acts(fig6: RunRec
     rows = {row.name: row for row in vr.comparison_rows(_runs(fig6, fig8, exact))}
     ratio = next(row for name, row in rows.items() if name.startswith("fig8"))
     # Golden: recorded, on seed 1; the experiment's claim is 0.72.
-    assert ratio.measured == pytest.approx(0.689, abs=0.005)
+    assert ratio.measured == pytest.approx(0.672, abs=0.005)
     assert ratio.passed
     # From the traces, of each piece of 0.2 rad.
     peaks = [
