@@ -115,7 +115,7 @@ def test_a_run_whose_program_let_go_of_a_sheet_that_is_not_seated_has_failed(
 ) -> None:
     """Exact: hole and distance; of a stack, each sheet rests on those before it."""
     one = AssemblyRun(load_scenario("pwb-stack"))
-    one.laid = []
+    one.begin()
     thickness, holes = one.cell.sheet.thickness_m, np.zeros((4, 3))
     monkeypatch.setattr(one.pins, "offsets", holes.copy)
     one._lay()

@@ -46,23 +46,14 @@ def final_holes(result: RunRecord) -> Vector:
     return holes
 
 
-def on_their_pins(holes: Vector, clearance_m: float) -> NDArray[np.bool_]:
-    """Return which holes (..., 3) are around their pins and rest.
-
-    x, y from the pin's axis, height z above the rest [m]: √(x² + y²) ≤ c/2 + 0.02 mm,
-    |z| ≤ 0.5 mm.
-    """
-    around = np.hypot(holes[..., 0], holes[..., 1])
-    allowed = 0.5 * clearance_m + OFFSET_BEYOND_CLEARANCE_M
-    return np.asarray((around <= allowed) & (np.abs(holes[..., 2]) <= RESTING_WITHIN_M))
-
-
 def seated(result: RunRecord) -> NDArray[np.bool_]:
     """Return which holes are seated (sheets, 4): around their pins, and resting, and let go."""
+    assembly = assembly_of(result.scenario)
     holes = final_holes(result)
+    allowed = 0.5 * assembly.layout.holes.clearance_m + OFFSET_BEYOND_CLEARANCE_M
+    around = np.hypot(holes[:, :, 0], holes[:, :, 1]) <= allowed
     done = np.arange(len(holes))[:, np.newaxis] < len(result.laid)
-    clearance_m = assembly_of(result.scenario).layout.holes.clearance_m
-    return on_their_pins(holes, clearance_m) & done
+    return np.asarray(around & (np.abs(holes[:, :, 2]) <= RESTING_WITHIN_M) & done)
 
 
 def peaks(result: RunRecord) -> dict[str, Vector]:

@@ -35,7 +35,7 @@ from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly.config import ErrorsConfig, assembly_of
-from dualbend.task.assembly.metrics import on_their_pins
+from dualbend.task.assembly.metrics import final_holes, seated
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyProgram
 from dualbend.task.assembly.stiffness import object_stiffness
@@ -313,10 +313,11 @@ class AssemblyRun(Run):
         The program believes that all are.
         """
         self.laid.append(self.pins.offsets())
-        holes = self.laid[-1] - [0.0, 0.0, (len(self.laid) - 1) * self.cell.sheet.thickness_m]
-        there = on_their_pins(holes, self.config.layout.holes.clearance_m)
+        sheet, so_far = len(self.laid) - 1, self.record("completed")
+        there = seated(so_far)[sheet]
         if not there.all():
             which = int(np.argmin(there))
+            holes = final_holes(so_far)[sheet]
             x, y, z = np.round(1e3 * holes[which], 2) + 0.0  # no minus before a zero
             raise SimulationFailed(
                 f"{PHASES[-1]}: not seated: the {HOLES[which]} hole is {math.hypot(x, y):.2f} mm "
