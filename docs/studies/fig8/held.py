@@ -9,7 +9,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from dualbend.evaluation.metrics import versions
+from dualbend.evaluation.metrics import held_rows, versions
 from dualbend.evaluation.recorded_rod import recorded_rods
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
@@ -54,8 +54,7 @@ def hold_one(knot_rad: float, preset: Preset, seed: int) -> Held:
     )
     scenario = load_scenario("fig6", settings, seed)
     run = make_run(scenario).run()
-    held = np.flatnonzero(run["phase"] == run.phases.index("hold"))
-    late = held[held.size // 2 :]
+    late = np.flatnonzero(held_rows(run))
     rods = recorded_rods(run, "edge", late[:: max(1, late.size // 8)])
     sheet = scenario.sheet.sheet()
     return Held(

@@ -25,7 +25,7 @@ _WELD_TIME_S, _WELD_TORQUE_SCALE_M = 5e-4, 10.0
 """Time constant [s] and moment arm [m] of the weld that holds the sheet's edge."""
 
 _HOLD_WEIGHT = 10.0, 1e-3
-"""Mass [kg] and inertia [kg m²] by which MuJoCo is to judge both sides of a hold."""
+"""Mass [kg] and inertia [kg m²] by which MuJoCo is to scale both sides of a hold."""
 
 _PEDESTAL_FROM_M = 0.02
 
