@@ -81,6 +81,7 @@ def run_shell(block: Block) -> None:
         assert ended.exit_code == wanted, f"{line}\n{ended.output}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WITH_EXAMPLES)
 def test_every_example_runs(
     name: str,

@@ -39,6 +39,7 @@ CHECKS: dict[str, Callable[[Any], None]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHECKS)
 def test_the_example_does_what_it_says(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     CHECKS[name](load_script(EXAMPLES / f"{name}.py").main())

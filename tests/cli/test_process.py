@@ -34,6 +34,7 @@ def shell(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("streams", "code", "said"),
     [
@@ -57,11 +58,13 @@ def test_a_run_keeps_its_results_whatever_becomes_of_its_output(
         assert (tmp_path / "r" / name).stat().st_size > 0
 
 
+@pytest.mark.slow
 def test_a_broken_output_does_not_hide_how_a_run_ended(tmp_path: Path) -> None:
     for streams in ("| true; exit ${PIPESTATUS[0]}", ">/dev/full", "2>&-"):
         assert shell(f"{FAILING} {streams}", tmp_path).returncode == 3
 
 
+@pytest.mark.slow
 def test_output_without_room_is_told_once(tmp_path: Path) -> None:
     done = shell("list >/dev/full", tmp_path)
     assert (done.returncode, done.stderr) == (2, FULL)
@@ -107,6 +110,7 @@ def test_a_long_argument_is_echoed_short(arguments: str, tmp_path: Path) -> None
     assert len(done.stderr) < 600
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
 def test_a_signal_ends_a_run_and_keeps_it(sent: signal.Signals, tmp_path: Path) -> None:
     """The exit code is 128 + the signal's number, as the shell counts."""
@@ -158,6 +162,7 @@ def test_ctrl_c_while_the_program_is_imported_is_silent(tmp_path: Path) -> None:
     assert (process.returncode, said) == (-signal.SIGINT, "")
 
 
+@pytest.mark.slow
 def test_a_signal_after_the_results_are_whole_does_not_deny_them(tmp_path: Path) -> None:
     """It waits until they are written; the program says that it was interrupted, no more."""
     command = [sys.executable, "-m", "dualbend", *shlex.split(RUN)]

@@ -144,6 +144,7 @@ def test_amplitude_of_a_sine(frequency_hz: float) -> None:
     assert found.amplitude_nm == pytest.approx(0.1, rel=0.1)
 
 
+@pytest.mark.slow
 def test_drawn_oscillations_are_told_rightly_or_not_at_all() -> None:
     rng = np.random.default_rng(7)
     said: Counter[bool | None] = Counter()

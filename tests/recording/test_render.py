@@ -185,6 +185,7 @@ def test_looks_are_not_simulated() -> None:
     assert "hole_outer_left_disc" not in {found.geom(i).name for i in range(found.ngeom)}
 
 
+@pytest.mark.slow
 def test_the_video_has_all_frames_at_their_pace(drawn: Path) -> None:
     _, result = make_book()
     look = Look(width_px=160, speed=10.0)
@@ -204,6 +205,7 @@ def test_the_video_has_all_frames_at_their_pace(drawn: Path) -> None:
     assert {path.suffix for path in drawn.iterdir()} == set(SUFFIXES)
 
 
+@pytest.mark.slow
 def test_holes_are_dark_where_the_camera_sees_them(drawn: Path) -> None:
     _, result = make_book()
     model, data = result.model, mujoco.MjData(result.model)

@@ -76,6 +76,7 @@ def a_case(alpha_rad: float) -> Case:
     return Case(**gains, **hz, **at, simulated=found, frictionless=found)
 
 
+@pytest.mark.slow
 def test_no_legend_lies_over_what_it_names(
     runs: list[RunRecord], drawn: list[Figure], tmp_path: Path
 ) -> None:

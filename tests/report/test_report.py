@@ -370,6 +370,7 @@ def test_the_same_runs_make_the_same_page(top: Path, tmp_path: Path) -> None:
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()  # exact
 
 
+@pytest.mark.slow
 def test_pictures_of_the_paper_are_written_alike(top: Path, tmp_path: Path) -> None:
     runs = [load_run(top / name) for name in ("fig6", "fig8")]
     for again in ("one", "two"):
@@ -383,6 +384,7 @@ def test_pictures_of_the_paper_are_written_alike(top: Path, tmp_path: Path) -> N
         assert b"<svg" in written or written.startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_figures_are_made_from_nothing(tmp_path: Path) -> None:
     settings = [part for setting in SHORT for part in ("--set", setting)]
     result = call("figures", "--out", str(tmp_path / "out"), *settings)

@@ -1,7 +1,7 @@
 """The page of a report in a real browser: no error, every figure drawn, nothing fetched.
 
 Where no Chromium is installed the tests are skipped; with ``DUALBEND_REQUIRE_BROWSER=1``, as in
-CI, that is a failure.
+``.ci/slow``, that is a failure.
 """
 
 import json
@@ -17,6 +17,8 @@ from dualbend.report.page import write_report
 from support.left_runs import leave
 
 webdriver = pytest.importorskip("selenium.webdriver")
+
+pytestmark = pytest.mark.slow
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 DRIVER = shutil.which("chromedriver")

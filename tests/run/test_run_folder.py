@@ -62,6 +62,7 @@ def killed_at(step: int, monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     return monkeypatch.undo
 
 
+@pytest.mark.slow
 def test_a_kill_between_any_two_changes_leaves_the_one_run_or_the_other(
     runs: tuple[RunRecord, RunRecord], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

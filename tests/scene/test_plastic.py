@@ -107,6 +107,7 @@ def test_more_hinges_keep_the_same() -> None:
     assert kept[0] == pytest.approx(kept[1], rel=0.01)  # uniform bending: no order in h
 
 
+@pytest.mark.slow
 def test_the_cell_leaves_a_set_and_says_so() -> None:
     run, result = vm.run_springback()
     assert result.outcome == "completed", result.reason

@@ -332,6 +332,7 @@ def short() -> tuple[Scenario, Tuning, list[float]]:
     return scenario, found, told
 
 
+@pytest.mark.slow
 def test_gains_far_from_every_limit_are_improved_and_the_statement_is_true(
     short: tuple[Scenario, Tuning, list[float]],
 ) -> None:
@@ -346,6 +347,7 @@ def test_gains_far_from_every_limit_are_improved_and_the_statement_is_true(
     assert tuned.margin.gain_db == min(row.gain_margin_db for row in rows) >= 6.0
 
 
+@pytest.mark.slow
 def test_form_units_and_beginning_are_the_users(
     short: tuple[Scenario, Tuning, list[float]],
 ) -> None:
@@ -362,6 +364,7 @@ def test_form_units_and_beginning_are_the_users(
     )
 
 
+@pytest.mark.slow
 def test_progress_never_goes_back_and_ends_at_all(
     short: tuple[Scenario, Tuning, list[float]],
 ) -> None:

@@ -71,6 +71,7 @@ def scheduler() -> Iterator[str]:
     pytest.fail("the scheduler did not start")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
 @pytest.mark.usefixtures("in_process")
 def test_a_cluster_that_loses_a_worker_makes_the_local_table(

@@ -14,6 +14,7 @@ from dualbend.validation.cases.assembly import _rigid
 ALIGNED = [f"task.errors.{error}=0.0" for error in ("pickup_x_m", "pickup_y_m", "pickup_yaw_rad")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 5])
 def test_rigid_arms_press_a_misaligned_sheet_on_a_pin_until_they_are_stopped(seed: int) -> None:
     scenario = load_scenario("pwb-rigid", seed=seed)

@@ -65,6 +65,7 @@ def test_twice_the_stiffness_is_not_seen_where_both_sides_read_it(
     assert failed(iter(rows)) == []
 
 
+@pytest.mark.slow
 def test_the_pulled_shell_stretches_as_its_material_says() -> None:
     (row,) = properties.shell_rows()
     # Discretisation and clamps: stiffer than the strip alone, by less than 2 %.

@@ -124,6 +124,7 @@ def test_the_worst_piece_counts_wherever_it_is(fig6: RunRecord, worst: int) -> N
     assert math.isnan(vr._largest_ratio(compliant, [1.0] * 5, peaks[:4]))
 
 
+@pytest.mark.slow
 def test_a_loop_grows_from_rest_as_its_eigenvalue_says_and_the_papers_does_not() -> None:
     rows = list(vr.growth_rows())
     assert len(rows) == 2

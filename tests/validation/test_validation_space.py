@@ -9,6 +9,7 @@ from dualbend.validation.cases.sheet import default_sheet
 from dualbend.validation.cases.space import reference_state, twisted_between_ideal_grips
 
 
+@pytest.mark.slow
 def test_every_row_passes() -> None:
     rows = list(validation_space.space_rows())
     assert len(rows) > 10
