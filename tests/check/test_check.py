@@ -102,6 +102,7 @@ def mutated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Verdicts, Path]:
     return check((), baseline, workers=2), baseline
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in MUTATIONS if name != "untouched"])
 def test_a_small_change_is_caught_and_named(name: str, mutated: tuple[Verdicts, Path]) -> None:
     failures = [f for f in mutated[0].failures if f.scenario == name]
@@ -453,6 +454,7 @@ def test_the_conclusion_counts() -> None:
     assert check_report.table(_verdicts(), everything=False).count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_command_says_each_failure_and_the_setting_once(tmp_path: Path) -> None:
     """A setting changed after the baseline: each row and the key with both values, once."""
     file, baseline = tmp_path / "mine.toml", tmp_path / "b.json"

@@ -9,6 +9,8 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
@@ -20,7 +22,8 @@ from dualbend.scene.bed.config import (
     PinsConfig,
     hole_places,
 )
-from dualbend.scene.bed.mjcf import add_holes, add_workplace
+from dualbend.scene.bed.holes import Rectangle, add_holes, without
+from dualbend.scene.bed.mjcf import add_workplace
 from dualbend.scene.bed.pin_contacts import PinContacts
 from dualbend.scene.sheet.strips import StripConfig, add_sheet, strip_body
 from support.sheets import STRIP
@@ -204,6 +207,75 @@ def test_millimetres_off_the_sheet_lies_on_the_tips(layout: LayoutConfig, x: flo
     np.testing.assert_allclose(total, [0.0, 0.0, WEIGHT_N], atol=0.01 * WEIGHT_N)
 
 
+AT = {
+    "a strip's middle": (0.04, 0.14, 30e-3, 0.0),
+    "a hinge": (0.05, 0.15, 30e-3, 0.0),
+    "a corner of the square that is cut out": (0.04, 0.14, 7.3e-3, 7.3e-3),
+    "the hole's edge": (0.04, 0.14, 2.6e-3, 0.0),
+    "the ring's outer edge": (0.04, 0.14, 10.4e-3, 0.0),
+    "beside the ring": (0.04, 0.14, 0.0, 11.5e-3),
+    "the end strip": (0.04, 0.196, 50e-3, 0.0),
+}
+"""Where the middle and outer pins stand along the sheet, and how far off their holes are [m]."""
+
+
+@pytest.mark.parametrize(("middle", "outer", "x", "y"), AT.values(), ids=AT)
+@pytest.mark.parametrize("tip", ["round", "taper"])
+def test_no_pin_passes_through_metal(
+    middle: float, outer: float, x: float, y: float, tip: str
+) -> None:
+    """Pressed on each tip by 10 N wherever it is under the sheet."""
+    holes = HolesConfig(
+        middle=HolePairConfig(along_m=middle, across_m=0.012),
+        outer=HolePairConfig(along_m=outer, across_m=-0.012),
+        errors_m=((x, y), (-x, y)) * 2,
+    )
+    scene = Scene(LayoutConfig(holes=holes, pins=PinsConfig(tip=tip)))
+    height, h = scene.layout.pins.height_m, STRIP.length_m / STRIPS.hinges
+    scene.put(0.0, 0.0, height + 2e-4)
+    scene.fall(0.5)
+    strips = []
+    for along, across in hole_places(holes):
+        strips.append(scene.model.body(strip_body(STRIPS.hinges // 2 + round(along / h))).id)
+        at = np.array([along, across, scene.layout.bed.top_m + height])
+        force = np.array([0.0, 0.0, -10.0])
+        scene.data.xfrc_applied[strips[-1], :3] = force
+        scene.data.xfrc_applied[strips[-1], 3:] = np.cross(at - scene.data.xipos[strips[-1]], force)
+    scene.fall(0.5)
+    scene.pins.peaks()
+    scene.pins.on_step()
+    force_n, _, depth, _ = scene.pins.peaks()
+    # Statics, with what motion is left.
+    np.testing.assert_allclose(force_n, 10.0 + WEIGHT_N / 4, rtol=0.05)
+    # Discretisation-limited: the contacts' softness.
+    assert (depth < 10e-6).all()
+    assert (scene.data.xipos[strips, 2] > scene.layout.bed.top_m + height).all()
+
+
+Length = st.floats(-0.3, 0.3, allow_subnormal=False)
+
+
+@given(st.lists(st.tuples(Length, Length), max_size=4), st.floats(0.005, 0.1))
+def test_what_is_cut_out_of_a_plate_and_what_fills_it_are_the_plate(
+    centres: list[tuple[float, float]], half: float
+) -> None:
+    """Every point is in exactly one filling, or cut out; but for points on edges."""
+    plate = (-0.25, 0.15, -0.1, 0.2)
+    cut = [(x - half, x + half, y - half, y + half) for x, y in centres]
+    filling = list(without(plate, cut))
+    x, y = np.random.default_rng(1).uniform((-0.25, -0.1), (0.15, 0.2), (200, 2)).T
+
+    def inside(of: list[Rectangle]) -> NDArray[np.int_]:
+        return sum(
+            ((a < x) & (x < b) & (c < y) & (y < d) for a, b, c, d in of), np.zeros(len(x), int)
+        )
+
+    np.testing.assert_array_equal(inside(filling), (inside(cut) == 0).astype(int))
+    for a, b, c, d in filling:
+        assert plate[0] <= a < b <= plate[1]
+        assert plate[2] <= c < d <= plate[3]
+
+
 @pytest.mark.parametrize("friction", [0.1, 0.2, 0.4])
 def test_a_sheet_on_the_tips_slides_from_the_pins_friction_on(friction: float) -> None:
     """Coulomb: it stays below μ W, and beyond goes away with (F/W − μ) g."""
@@ -227,13 +299,18 @@ def test_the_pins_sensors_tell_the_sum_and_the_largest_of_their_contacts() -> No
     scene = fallen(ROUND, 3e-3, 0.0, 0.0)
     scene.pins.peaks()
     scene.pins.on_step()
-    net, edge = scene.pins.peaks()
+    net, edge, *depths = scene.pins.peaks()
     for i, name in enumerate(HOLES):
         pin = scene.model.geom(f"pin_{name}").id
         forces = np.array([force for _, other, force in scene.contacts() if other == pin])
         # Analytic: the same contacts, summed here.
         assert net[i] == pytest.approx(np.linalg.norm(forces.sum(axis=0)), rel=1e-9)
         assert edge[i] == pytest.approx(np.linalg.norm(forces, axis=1).max(), rel=1e-9)
+        contact = scene.data.contact
+        deepest = -contact.dist[(contact.geom == pin).any(axis=1)].min()
+        assert deepest > 0.0
+        for depth in depths:
+            assert depth[i] == pytest.approx(deepest, rel=1e-9)
     # Statics: all upright.
     assert net.sum() == pytest.approx(WEIGHT_N, rel=0.01)
     # What was read begins anew.

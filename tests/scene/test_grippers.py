@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from dualbend.arm import mjcf as arm
 from dualbend.run.cell import RobotCell
 from dualbend.scenario.load import load_scenario
-from dualbend.scene.bed.mjcf import GRIPPING
 from dualbend.scene.cell import PAD_SITE
+from dualbend.scene.contacts import GRIPPING
 from dualbend.scene.grippers import Grippers
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
 from dualbend.task.assembly.config import assembly_of

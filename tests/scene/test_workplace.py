@@ -17,7 +17,8 @@ from dualbend.scene.bed.config import (
     StandConfig,
     hole_places,
 )
-from dualbend.scene.bed.mjcf import add_holes, add_workplace, laid_body
+from dualbend.scene.bed.holes import add_holes
+from dualbend.scene.bed.mjcf import add_workplace, laid_body
 from dualbend.scene.mjcf import SITE, about_z, make_plate
 from dualbend.scene.sheet.strips import StripConfig, add_sheet
 from dualbend.types import Vector
@@ -74,7 +75,8 @@ def test_each_touches_what_it_is_to_touch_and_nothing_else(place: Workplace) -> 
         "ring": [i for i in place.starting("hole_") if not place.names[i].endswith("disc")],
         "laid": [i for i in place.of_body(laid_body(0, 3)) if model.geom_group[i] == 3],
         "end": [model.geom(f"sheet_strip_{i:02d}_plate").id for i in (0, STRIPS.hinges)],
-        "inner plate": [model.geom("sheet_strip_03_plate").id],
+        "inner plate": [model.geom("sheet_strip_04_plate").id],
+        "filling": place.starting("filling_"),
         "disc": [i for i in place.starting("hole_") if place.names[i].endswith("disc")],
     }
     counts = {kind: len(geoms) for kind, geoms in kinds.items()}
@@ -87,6 +89,7 @@ def test_each_touches_what_it_is_to_touch_and_nothing_else(place: Workplace) -> 
         "laid": 1,
         "end": 2,
         "inner plate": 1,
+        "filling": 4 * 4,
         "disc": 4,
     }
     touching = set()
@@ -98,10 +101,13 @@ def test_each_touches_what_it_is_to_touch_and_nothing_else(place: Workplace) -> 
             )
             if bits and i != j:
                 touching.add(frozenset((one, other)))
-    # Written down: the sheet lies on its feet, its holes go over pins; jaws come with the arms.
+    # Written down: the sheet lies on its feet, no pin passes it; jaws come with the arms.
     assert touching == {
         frozenset(pair)
-        for pair in (("bed", "foot"), ("stand", "foot"), ("laid", "foot"), ("pin", "ring"))
+        for pair in (
+            *(("bed", "foot"), ("stand", "foot"), ("laid", "foot")),
+            *(("pin", "ring"), ("pin", "end"), ("pin", "inner plate"), ("pin", "filling")),
+        )
     }
     # Arms have bit 1: they stop at bed, stand and pins; at a laid sheet their links alone do.
     for kind, stops in (("bed", True), ("stand", True), ("pin", True), ("laid", False)):
@@ -128,10 +134,11 @@ def test_contacts_have_dry_friction_of_the_coefficient_of_what_lies_below(
             np.testing.assert_array_equal(model.geom_solref[geom.id], [0.0035, 1.0])
     laid = next(i for i in place.of_body(laid_body(0, 3)) if model.geom_group[i] == 3)
     assert model.geom_friction[laid, 0] == 0.3  # the bed's
-    # Pin and ring: within 20 µm the contact is as hard as it gets.
-    for name in ("pin_middle_left", "hole_middle_left_00"):
-        solimp = model.geom_solimp[model.geom(name).id]
-        np.testing.assert_array_equal(solimp, [0.98, 0.999, 2e-5, 0.5, 2.0])
+    # Within 20 µm the contact is as hard as it gets, whatever touches the pin.
+    for hole in HOLES:
+        pin = model.geom(f"pin_{hole}").id
+        np.testing.assert_array_equal(model.geom_solimp[pin], [0.98, 0.999, 2e-5, 0.5, 2.0])
+        assert model.geom_priority[pin] == 1 > model.geom_priority[: model.ngeom].min()
 
 
 def test_nothing_but_the_plates_of_the_strips_weighs(place: Workplace) -> None:

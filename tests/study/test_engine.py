@@ -115,7 +115,6 @@ def test_one_process_at_a_time_writes_a_folder(tmp_path: Path) -> None:
     study(never).run(in_processes(2), kept(tmp_path))
 
 
-@pytest.mark.slow
 def test_a_run_that_kills_its_process_is_lost_and_no_other(tmp_path: Path, calls: Path) -> None:
     """Analytic: it is tried once more, alone; without a row for it the study ends, and goes on."""
     with pytest.raises(WorkerDiedError, match="a worker process died"):
@@ -126,7 +125,6 @@ def test_a_run_that_kills_its_process_is_lost_and_no_other(tmp_path: Path, calls
     assert study(never).run(in_processes(1), kept(tmp_path / "s")) == rows
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
 def test_a_process_that_is_killed_from_outside_costs_no_run(calls: Path) -> None:
     assert study(unlucky, rows_of_lost=False).run(in_processes(1)) == ALL
@@ -148,7 +146,6 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGHUP, signal.SIGKILL])
 def test_a_study_that_is_ended_keeps_what_is_done_and_ends_its_workers(

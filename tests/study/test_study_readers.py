@@ -201,6 +201,7 @@ def test_rows_of_another_study_are_refused(tmp_path: Path) -> None:
                 assert rows == {0: row}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [STUDY, RUNS])
 def test_what_is_no_file_is_refused(tmp_path: Path, name: str) -> None:
     robust(tmp_path, False)

@@ -27,7 +27,7 @@ from dualbend.control.compliance.object import ObjectComplianceConfig
 from dualbend.run.outcome import TaskStopped
 from dualbend.task.assembly.config import AssemblyConfig, SearchConfig, SpeedsConfig
 from dualbend.task.assembly.execution import Execution
-from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
+from dualbend.task.assembly.motions import CHECK, PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyProgram, middle_force
 from support.sheets import STRIP
 
@@ -40,6 +40,10 @@ RIGID = AssemblyConfig(timeout_s=1.0)
 STAND_Z = COMPLIANT.layout.stand.top_m + T / 2
 SEAT_Z = COMPLIANT.layout.bed.top_m + T / 2
 HEIGHT = COMPLIANT.layout.pins.height_m
+LAYOUT = COMPLIANT.layout
+STIFFNESS = np.array([1.2e5, 8e4, 4e3])
+"""Of a sheet on its pins, along x and y [N/m], in yaw [N m/rad]."""
+
 FEW = msgspec.structs.replace(COMPLIANT, search=SearchConfig(attempts=4))
 
 
@@ -66,13 +70,14 @@ class World:
     weight: float = 1.0
     middle_at: Callable[[Posture], bool] = lambda _: True
     outer_at: Callable[[Posture], bool] = lambda _: True
+    held: tuple[bool, bool, bool] = (True, True, True)
     error_m: float = 0.0
     jaws_open: bool = True
     goals: list[Goal] = field(default_factory=list)
     task: Execution = field(init=False)
 
     def __post_init__(self) -> None:
-        self.task = self.program.begin()
+        self.task = self.program.begin(STIFFNESS)
 
     def answer(self, goal: Goal) -> Sensed:
         self.goals.append(goal)
@@ -80,7 +85,7 @@ class World:
         thick = np.array([T if there else 0.0 for there in self.ends])
         opening = posture.opening if self.jaws_open else 0.0
         gap = np.maximum(2.0 * opening, thick)
-        held = 1 <= goal.phase <= PHASES.index("seat outer")
+        held = 1 <= goal.phase <= PHASES.index("check seats")
         seat = SEAT_Z + self.task.state.laid * T
         vertical = np.zeros(2)
         if (held and posture.z > STAND_Z + 1e-3) or goal.phase > 3:
@@ -88,8 +93,19 @@ class World:
         if posture.alpha > 0.0 or goal.phase >= PHASES.index("unfold"):
             vertical += 0.5 * self._middle(posture, seat)
             vertical += self._outer(goal)
-        net = np.array([0.0, 0.0, vertical.sum(), 0.0])
+        x, y, turn = self._by_pins(goal)
+        net = np.array([x, y, vertical.sum(), turn])
         return Sensed(net=net, vertical=vertical, gap=gap, error_m=self.error_m)
+
+    def _by_pins(self, goal: Goal) -> Array:
+        """Push back beyond the play where the pins hold the sheet that is moved for a check."""
+        if PHASES[goal.phase] != CHECK:
+            return np.zeros(3)
+        rest = next(g.posture for g in reversed(self.goals) if PHASES[g.phase] != CHECK)
+        away = [getattr(goal.posture, name) - getattr(rest, name) for name in ("x", "y", "yaw")]
+        play = 0.5e-3 * np.array([0.2, 0.2, 0.2 / 0.14])
+        beyond = np.sign(away) * np.maximum(np.abs(away) - play, 0.0)
+        return -STIFFNESS * beyond * self.held
 
     def _middle(self, posture: Posture, seat: float) -> float:
         """Rest on the bed where the holes fit, else on the tips."""
@@ -436,6 +452,41 @@ def test_recovery_is_bounded_in_time(attempts_allowed: int) -> None:
     seconds = len(lowering) * COMMAND_PERIOD_S
     # Two guarded motions, one settling; 7 s of motion at the default speeds.
     assert seconds <= (attempts_allowed + 1) * (3 * config.timeout_s + 7.0)
+
+
+# --- whether the pins hold it -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("axis", "words"), [(0, "along it"), (1, "across it"), (2, "by turning")])
+def test_a_sheet_that_its_pins_do_not_hold_is_not_let_go(axis: int, words: str) -> None:
+    held = [True, True, True]
+    held[axis] = False
+    world = World(make(COMPLIANT), held=(held[0], held[1], held[2]))
+    said = stopped(world)
+    assert said.startswith("check seats: the holes are not all on their pins: moving the sheet ")
+    assert f" {words} is held with 0.00 N" in said
+    assert "release" not in phases(world.goals)
+
+
+def test_a_check_moves_the_sheet_to_and_fro_and_leaves_it_where_it_was() -> None:
+    world = World(make(COMPLIANT))
+    play(world)
+    before = attempts(world.goals, "seat outer")[0][-1].posture
+    after = attempts(world.goals, "check seats")[0][-1].posture
+    np.testing.assert_allclose(
+        dataclasses.astuple(after), dataclasses.astuple(before), rtol=0.0, atol=1e-15
+    )
+    for name, most in (("x", 0.2e-3), ("y", 0.2e-3), ("yaw", 0.2e-3 / 0.14)):
+        values = [getattr(g.posture, name) for g in attempts(world.goals, "check seats")[0]]
+        # Analytic: as far to both sides; the middle holes stay in their play when it turns.
+        rest = getattr(before, name)
+        assert [min(values) - rest, max(values) - rest] == pytest.approx([-most, most])
+    assert 0.5 * LAYOUT.holes.clearance_m > 0.2e-3 / 0.14 * 0.04
+
+
+def test_no_check_is_made_where_none_is_wanted() -> None:
+    config = msgspec.structs.replace(COMPLIANT, check_m=0.0)
+    assert "check seats" not in phases(play(World(make(config), held=(False, False, False))))
 
 
 # --- time-outs ----------------------------------------------------------------------------------

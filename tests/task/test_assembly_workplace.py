@@ -23,6 +23,8 @@ from dualbend.task.assembly.workplace import JAW_ROOM_M, LIFT_ROOM_M, check_work
 from support.sheets import STRIP
 
 FINE = AssemblyConfig()
+WIDE = dataclasses.replace(STRIP, width_m=0.2)
+"""Wider than the bed, whose sides limit where the pins stand."""
 
 
 def changed(key: str, value: float, base: AssemblyConfig = FINE) -> AssemblyConfig:
@@ -62,7 +64,7 @@ def test_a_refusal_names_key_value_reason_and_limit(
     key: str, value: float, why: str, limit: float
 ) -> None:
     with pytest.raises(InputError) as error:
-        check_workplace(changed(key, value), STRIP)
+        check_workplace(changed(key, value), WIDE)
     message = str(error.value)
     assert message.startswith(f"task.{key} = {value:g}: ")
     assert why in message
@@ -78,10 +80,26 @@ def test_the_limit_itself_is_accepted_and_a_little_beyond_is_not(
 ) -> None:
     sign = -1.0 if value < 0 else 1.0
     kind: Callable[[float], float] = int if key == "sheets" else float
-    check_workplace(changed(key, kind(sign * limit)), STRIP)
+    check_workplace(changed(key, kind(sign * limit)), WIDE)
     beyond = limit + (1 if key == "sheets" else 1e-6) * (1.0 if abs(value) > limit else -1.0)
     with pytest.raises(InputError, match=why):
-        check_workplace(changed(key, kind(sign * beyond)), STRIP)
+        check_workplace(changed(key, kind(sign * beyond)), WIDE)
+
+
+def test_a_hole_beside_the_sheet_is_refused() -> None:
+    # Half the sheet's width less the hole's radius.
+    most = 0.5 * 0.057 - 0.5 * (4.76e-3 + 0.2e-3)
+    check_workplace(changed("layout.holes.outer.across_m", most), STRIP)
+    with pytest.raises(InputError, match=r"outer\.across_m = .* in the sheet; at most 0.026"):
+        check_workplace(changed("layout.holes.outer.across_m", most + 1e-6), STRIP)
+    off = msgspec.structs.replace(
+        FINE.layout.holes, errors_m=((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, -0.03))
+    )
+    with pytest.raises(InputError, match=r"errors_m = .*: the outer_right hole would not be in"):
+        check_workplace(
+            msgspec.structs.replace(FINE, layout=msgspec.structs.replace(FINE.layout, holes=off)),
+            STRIP,
+        )
 
 
 @given(

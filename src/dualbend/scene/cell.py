@@ -13,7 +13,8 @@ from dualbend.arm.pair import ArmPair
 from dualbend.beam.sheet import Sheet
 from dualbend.control.servo import JointServo
 from dualbend.scene.bed.config import LayoutConfig
-from dualbend.scene.bed.mjcf import add_holes, add_workplace
+from dualbend.scene.bed.holes import add_holes
+from dualbend.scene.bed.mjcf import add_workplace
 from dualbend.scene.contacts import FLOOR, GRIPPING, let_arms_touch
 from dualbend.scene.mjcf import BOX, DRAWN, SITE, about_z
 from dualbend.scene.sheet.shell import ShellConfig, add_shell

@@ -1,4 +1,4 @@
-"""MuJoCo model of assembly bed, alignment pins and pick-up stand, and of the sheet's holes."""
+"""MuJoCo model of assembly bed, alignment pins and pick-up stand."""
 
 from __future__ import annotations
 
@@ -17,16 +17,10 @@ from dualbend.scene.bed.config import (
     StandConfig,
     hole_places,
 )
-from dualbend.scene.contacts import ARM, GRIPPING, LAID, PINNING, RESTING
-from dualbend.scene.mjcf import BOX, DRAWN, about_z
-from dualbend.scene.sheet.strips import StripConfig, strip_body
+from dualbend.scene.contacts import ARM, LAID, PINNING, RESTING
+from dualbend.scene.mjcf import BOX, DRAWN
+from dualbend.scene.sheet.strips import StripConfig
 from dualbend.types import Vector
-
-_RING_SIDES = 32
-"""Sides of the polygon around a hole's circle; eight would give 0.2 mm more towards corners."""
-
-_RING_DEPTH_M = 8e-3
-"""How far the hole's ring reaches into the sheet: a hole that far off its pin still rests on it."""
 
 _BELOW_FLOOR_M, _LAID_DEPTH_M = -1.0, 5e-3
 
@@ -34,15 +28,12 @@ _PLATE_M, _COLUMN = 0.02, 0.7
 """Bed and stand are drawn as a plate this thick, on a column of this share of its sides."""
 
 _PLATE_RGBA, _COLUMN_RGBA = [0.62, 0.64, 0.67, 1.0], [0.24, 0.26, 0.30, 1.0]
-_HOLE_RGBA, _HOLE_PROUD_M = [0.05, 0.06, 0.08, 1.0], 5e-5
 
-_PIN_SOLIMP = [0.98, 0.999, 2e-5, 0.5, 2.0]
-
-_RUBBED = {"condim": 3, "solref": [0.0035, 1.0]}
+RUBBED = {"condim": 3, "solref": [0.0035, 1.0]}
 """A contact with dry friction, two steps of 1.75 ms long: the stiffest that a step resolves."""
 
-_OF_SHEET = {"mass": 0.0, "conaffinity": 0, "friction": [0.0, 0.005, 0.0001], "group": 3, **_RUBBED}
-"""What touches bed and pins; of two coefficients of friction the larger counts: theirs."""
+_PIN_CONTACT = {**RUBBED, "solimp": [0.98, 0.999, 2e-5, 0.5, 2.0], "priority": 1}
+"""Whatever touches a pin: softer defaults of what touches it must not mix in."""
 
 
 def add_workplace(
@@ -62,7 +53,7 @@ def add_workplace(
     _add_bed_camera(spec, bed, sheet)
     for name, (along, across) in zip(HOLES, hole_places(layout.holes), strict=True):
         _add_pin(spec, name, layout.pins, np.array([along, across, bed.top_m]))
-        _add_force_sensors(spec, name)
+        _add_contact_sensors(spec, name)
     for number in range(laid):
         _add_laid(spec, number, sheet, strips, bed.friction)
 
@@ -101,17 +92,22 @@ def _add_bed_camera(spec: mujoco.MjSpec, bed: BedConfig, sheet: Sheet) -> None:
     )
 
 
-def _add_force_sensors(spec: mujoco.MjSpec, name: str) -> None:
-    """Measure the force on a pin, and the largest one of a single contact, at the hole's edge."""
-    for kind, reduce in (("net", 3), ("edge", 2)):
+def _add_contact_sensors(spec: mujoco.MjSpec, name: str) -> None:
+    """Measure the force on a pin, the largest one of a single contact, and the deepest contact."""
+    data, least, largest, net = mujoco.mjtConDataField, 1, 2, 3
+    for kind, field, reduce in (
+        ("net", data.mjCONDATA_FORCE, net),
+        ("edge", data.mjCONDATA_FORCE, largest),
+        ("distance", data.mjCONDATA_DIST, least),
+    ):
         sensor = spec.add_sensor(
             name=f"{kind}_{name}",
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             objtype=mujoco.mjtObj.mjOBJ_GEOM,
             objname=f"pin_{name}",
         )
-        # Data: force; how many contacts are reduced, and to one.
-        sensor.intprm[:3] = [1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), reduce, 1]
+        # What is told; how many contacts are reduced, and to one.
+        sensor.intprm[:3] = [1 << int(field), reduce, 1]
 
 
 def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -> None:
@@ -120,9 +116,8 @@ def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -
     radius = pins.diameter_m / 2
     shape = {
         **_touched(PINNING | ARM, pins.friction),
-        **_RUBBED,
+        **_PIN_CONTACT,
         "name": f"pin_{name}",
-        "solimp": _PIN_SOLIMP,
         "rgba": [0.80, 0.65, 0.25, 1.0],
         "group": 2,
     }
@@ -171,62 +166,4 @@ def _add_laid(
             size=[*size[:2], _LAID_DEPTH_M / 2],
             pos=[0.0, 0.0, half - _LAID_DEPTH_M / 2],
             **_touched(RESTING | LAID, friction),
-        )
-
-
-def add_holes(spec: mujoco.MjSpec, sheet: Sheet, strips: StripConfig, layout: LayoutConfig) -> None:
-    """Add the sheet's holes, and feet to lie on, and let its ends be gripped."""
-    h = sheet.length_m / strips.hinges
-    places = hole_places(layout.holes) + np.array(layout.holes.errors_m)
-    for name, (along, across) in zip(HOLES, places, strict=True):
-        number = round(along / h)
-        body = spec.body(strip_body(strips.hinges // 2 + number))
-        # A strip's frame is at the hinge towards the middle, the middle strip's at its centre.
-        offset = along - (number - 0.5 * np.sign(number)) * h
-        _add_ring(body, name, layout, sheet.thickness_m, np.array([offset, across]))
-    for end in (0, strips.hinges):
-        spec.geom(f"{strip_body(end)}_plate").contype |= GRIPPING
-    for i in range(1, strips.hinges):
-        body = spec.body(strip_body(i))
-        centre = 0.5 * h * np.sign(i - strips.hinges // 2)
-        for side, sign in (("front", -1.0), ("back", 1.0)):
-            body.add_geom(
-                name=f"foot_{i:02d}_{side}",
-                type=mujoco.mjtGeom.mjGEOM_SPHERE,
-                size=[sheet.thickness_m / 2, 0.0, 0.0],
-                pos=[centre, sign * 0.4 * sheet.width_m, 0.0],
-                contype=RESTING,
-                **_OF_SHEET,
-            )
-
-
-def _add_ring(
-    body: mujoco.MjsBody, name: str, layout: LayoutConfig, thickness_m: float, centre_m: Vector
-) -> None:
-    """Add a hole as a ring of boxes."""
-    radius = (layout.pins.diameter_m + layout.holes.clearance_m) / 2
-    half_side = (radius + _RING_DEPTH_M) * math.tan(math.pi / _RING_SIDES)
-    body.add_site(name=f"hole_{name}", pos=[*centre_m, 0.0], group=4, size=[radius] * 3)
-    # The hole is drawn as a dark disc, hardly proud of the sheet's faces.
-    body.add_geom(
-        name=f"hole_{name}_disc",
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        size=[radius, thickness_m / 2 + _HOLE_PROUD_M, 0.0],
-        pos=[*centre_m, 0.0],
-        mass=0.0,
-        rgba=_HOLE_RGBA,
-        **DRAWN,
-    )
-    for i in range(_RING_SIDES):
-        turn = 2.0 * math.pi * i / _RING_SIDES
-        middle = radius + _RING_DEPTH_M / 2
-        body.add_geom(
-            name=f"hole_{name}_{i:02d}",
-            type=BOX,
-            size=[_RING_DEPTH_M / 2, half_side, thickness_m / 2],
-            pos=[*(centre_m + middle * np.array([math.cos(turn), math.sin(turn)])), 0.0],
-            quat=about_z(turn),
-            contype=PINNING,
-            solimp=_PIN_SOLIMP,
-            **_OF_SHEET,
         )

@@ -1,6 +1,8 @@
-"""Contact of holes and pins: largest forces of all physics steps, places of the holes."""
+"""Contact of sheet and pins: peaks of all physics steps, places of the holes."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -10,6 +12,19 @@ from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
 from dualbend.scene.bed.mjcf import laid_body
 from dualbend.scene.sheet.strips import StripConfig, strip_body
 from dualbend.types import Vector
+
+
+class PinPeaks(NamedTuple):
+    """Of each pin, (4,): force on it [N], largest force of one contact [N], depths of sheet in pin.
+
+    ``penetration_m``: what lasted through all physics steps; ``impact_m``: in any of them. A sheet
+    that falls on a tip is as deep in it as it moves in one or two steps, before it is stopped.
+    """
+
+    force_n: Vector
+    edge_force_n: Vector
+    penetration_m: Vector
+    impact_m: Vector
 
 
 class PinContacts:
@@ -31,18 +46,28 @@ class PinContacts:
         self._half_thickness_m = sheet.thickness_m / 2
         self._strips = [model.body(strip_body(i)).id for i in range(strips.hinges + 1)]
         self._model = model
+        self._distance = [model.sensor(f"distance_{hole}").adr[0] for hole in HOLES]
+        self._forget()
+
+    def _forget(self) -> None:
         self._squared = np.zeros(2 * len(HOLES))
+        self._least, self._deepest = np.full(len(HOLES), np.inf), np.zeros(len(HOLES))
 
     def on_step(self) -> None:
-        """Keep the largest forces since the last :meth:`peaks`; once per physics step."""
+        """Keep the peaks since the last :meth:`peaks`; once per physics step."""
         force = self._data.sensordata[self._read]
         np.maximum(self._squared, np.einsum("ij,ij->i", force, force), out=self._squared)
+        depth = -self._data.sensordata[self._distance]
+        np.minimum(self._least, depth, out=self._least)
+        np.maximum(self._deepest, depth, out=self._deepest)
 
-    def peaks(self) -> Vector:
-        """Return (2, 4) and start again: force on each pin, largest force of one contact [N]."""
-        force = np.sqrt(self._squared).reshape(2, len(HOLES))
-        self._squared[:] = 0.0
-        return force
+    def peaks(self) -> PinPeaks:
+        """Return the peaks, and start again."""
+        force, edge = np.sqrt(self._squared).reshape(2, len(HOLES))
+        lasting = np.where(np.isinf(self._least), 0.0, self._least)
+        found = PinPeaks(force, edge, lasting, self._deepest)
+        self._forget()
+        return found
 
     def offsets(self) -> Vector:
         """Return (4, 3): each hole's centre from its pin's axis, x and y [m], and its height [m].

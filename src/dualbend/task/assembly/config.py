@@ -15,7 +15,7 @@ from dualbend.scenario.motion import MotionConfig
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import SheetConfig
 from dualbend.scenario.task import TaskConfig
-from dualbend.scene.bed.config import LayoutConfig
+from dualbend.scene.bed.config import HolesConfig, LayoutConfig
 from dualbend.types import Config, said
 
 
@@ -47,14 +47,15 @@ class SearchConfig(Config):
         rings = [(1 + n // 8, *square[n % 8]) for n in range(self.attempts)]
         return [(0.0, 0.0), *((n * x * self.step_m, n * y * self.step_m) for n, x, y in rings)]
 
-    def aside(self) -> list[float]:
-        """Return how far the outer holes are turned aside [m]: the middle is on its pins already.
+    def turns(self, holes: HolesConfig) -> list[float]:
+        """Return how far the sheet is turned for the outer holes [rad].
 
-        A quarter of the step: what the middle holes' clearance leaves is less than that of a free
-        sheet.
+        The middle is on its pins already: to both sides, in equal steps up to the turn that its
+        clearance leaves. A larger one would only press the middle holes on their pins.
         """
-        sides = [0.25 if n % 2 == 0 else -0.25 for n in range(self.attempts)]
-        return [0.0, *((1 + n // 2) * side * self.step_m for n, side in enumerate(sides))]
+        room, steps = 0.5 * holes.clearance_m / holes.middle.along_m, -(-self.attempts // 2)
+        sides = [(1 if n % 2 == 0 else -1) * (1 + n // 2) / steps for n in range(self.attempts)]
+        return [0.0, *(room * side for side in sides)]
 
 
 DEFAULT_YIELD_PA = 193e6
@@ -68,6 +69,9 @@ class LimitsConfig(Config):
     edge_force_n: Annotated[
         float, said("largest force of one contact at a hole's edge", gt=0, le=1e5)
     ] = 40.0
+    penetration_m: Annotated[
+        float, said("sheet in pin through a command period, which no metal is", gt=0, le=1e-3)
+    ] = 0.05e-3
     yield_pa: (
         Annotated[float, said("0.2 % yield strength; none: the sheet's, or 193 MPa", gt=0, le=1e11)]
         | None
@@ -127,6 +131,10 @@ class AssemblyConfig(TaskConfig, tag="assembly"):
     retreat_m: Annotated[float, said("from the sheet's end", gt=0, le=0.3)] = 0.05
     jaw_opening_m: Annotated[float, said("of each jaw", gt=0, le=0.015)] = 0.012
     press_m: Annotated[float, said("lower than the middle would need", ge=0, le=0.01)] = 0.2e-3
+    check_m: Annotated[
+        float,
+        said("to and fro before a sheet is let go, to feel its pins; 0: not", ge=0, le=2e-3),
+    ] = 0.2e-3
     timeout_s: Annotated[float, said("to wait for a phase's end", gt=0, le=600)] = 10.0
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from dualbend.task.assembly.motions import Goal, Posture, Sensed
 from dualbend.task.assembly.state import State
 from dualbend.task.assembly.steps import Phase
+from dualbend.types import Vector
 
 
 @dataclass
@@ -14,18 +15,24 @@ class Execution:
     """An explicit state machine over a table of phases; it may be copied or pickled in any cycle.
 
     ``table`` is only read; ``start``: posture in which the arms begin; ``bend_rad``: bending angle
-    at which a sheet is laid.
+    at which a sheet is laid; ``seat_stiffness`` (3,): of a sheet on its pins along x, y and in yaw.
     """
 
     table: tuple[Phase, ...]
     start: Posture
     bend_rad: float
+    seat_stiffness: Vector
     state: State = field(init=False)
     goal: Goal | None = field(init=False)
     """What is wanted in the present cycle; None when all sheets are laid."""
 
     def __post_init__(self) -> None:
-        self.state = State(posture=self.start, begin=self.start, end=self.start)
+        self.state = State(
+            posture=self.start,
+            begin=self.start,
+            end=self.start,
+            seat_stiffness=self.seat_stiffness,
+        )
         self.goal = self._next_goal()
 
     def advance(self, sensed: Sensed) -> Goal | None:

@@ -18,6 +18,7 @@ from dualbend.planning.plan import plan_assembly
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scene.bed.config import HOLES
 from dualbend.task.assembly.config import assembly_of
+from dualbend.task.assembly.motions import CHECK
 from dualbend.types import SIDES, Vector
 
 OFFSET_BEYOND_CLEARANCE_M = 0.02e-3
@@ -48,12 +49,28 @@ def final_holes(result: RunRecord) -> Vector:
 
 def seated(result: RunRecord) -> NDArray[np.bool_]:
     """Return which holes are seated (sheets, 4): around their pins, and resting, and let go."""
-    assembly = assembly_of(result.scenario)
+    in_place = _in_place(result)
+    return in_place & (np.arange(len(in_place))[:, np.newaxis] < len(result.laid))
+
+
+def _in_place(result: RunRecord) -> NDArray[np.bool_]:
+    """Return which holes are around their pins and resting, let go or not (sheets, 4)."""
     holes = final_holes(result)
-    allowed = 0.5 * assembly.layout.holes.clearance_m + OFFSET_BEYOND_CLEARANCE_M
+    clearance = assembly_of(result.scenario).layout.holes.clearance_m
+    allowed = 0.5 * clearance + OFFSET_BEYOND_CLEARANCE_M
     around = np.hypot(holes[:, :, 0], holes[:, :, 1]) <= allowed
-    done = np.arange(len(holes))[:, np.newaxis] < len(result.laid)
-    return np.asarray(around & (np.abs(holes[:, :, 2]) <= RESTING_WITHIN_M) & done)
+    return np.asarray(around & (np.abs(holes[:, :, 2]) <= RESTING_WITHIN_M))
+
+
+def wrong_checks(result: RunRecord) -> int:
+    """Count the sheets on which the program's check of the seats and the truth disagree.
+
+    A sheet that was let go counted as seated; one at which the check stopped the task, as not.
+    """
+    holes, laid = seated(result), len(result.laid)
+    wrong = int((~holes[:laid].all(axis=1)).sum())
+    stopped_by_it = result.outcome == "aborted" and result.reason.startswith(CHECK)
+    return wrong + int(stopped_by_it and bool(_in_place(result)[laid:].all(axis=1).any()))
 
 
 def peaks(result: RunRecord) -> dict[str, Vector]:
@@ -65,6 +82,8 @@ def peaks(result: RunRecord) -> dict[str, Vector]:
         "peak_force": np.max([np.linalg.norm(force, axis=0) for force in forces], axis=0),
         "peak_pin_force": np.max([trace[f"pin_force_{hole}"] for hole in HOLES], axis=0),
         "peak_edge_force": np.max([trace[f"edge_force_{hole}"] for hole in HOLES], axis=0),
+        "peak_penetration": np.max([trace[f"penetration_{hole}"] for hole in HOLES], axis=0),
+        "peak_impact_depth": trace["impact_depth"],
         "peak_surface_strain": surface_strain(result),
         "ik_residual_max": np.abs(trace["ik_position"]),
         **after_stop_signals(result),
@@ -163,10 +182,13 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
 
     return {
         "holes_seated": Metric(float(seated(result).sum()), "1"),
+        "wrong_seat_checks": Metric(float(wrong_checks(result)), "1"),
         "worst_hole_offset": Metric(peak(np.array([h["offset_m"] for h in holes])), "m"),
         "worst_hole_height": Metric(peak(np.array([h["height_m"] for h in holes])), "m"),
         "peak_pin_force": largest("peak_pin_force", "N"),
         "peak_edge_force": largest("peak_edge_force", "N"),
+        "peak_penetration": largest("peak_penetration", "m"),
+        "peak_impact_depth": largest("peak_impact_depth", "m"),
         "peak_moment": largest("peak_moment", "N m"),
         "peak_force": largest("peak_force", "N"),
         "peak_surface_strain": largest("peak_surface_strain", "1"),

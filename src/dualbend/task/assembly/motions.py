@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from dualbend.types import Vector
+
+CHECK: Final = "check seats"
+"""The phase in which the sheet is moved on its pins, to feel whether they hold it."""
 
 PHASES = (
     "approach",
@@ -18,6 +22,7 @@ PHASES = (
     "unfold",
     "lower outer",
     "seat outer",
+    CHECK,
     "release",
     "withdraw",
 )

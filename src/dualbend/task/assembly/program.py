@@ -17,19 +17,22 @@ from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
 from dualbend.errors import InputError
 from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.execution import Execution
-from dualbend.task.assembly.motions import Pace, Posture
+from dualbend.task.assembly.motions import CHECK, Pace, Posture
 from dualbend.task.assembly.state import MEAN_CYCLES, State
 from dualbend.task.assembly.steps import (
     CheckGrasp,
+    CheckHeld,
     CheckWeight,
     HolePair,
     Measure,
     Move,
     MoveDown,
     Phase,
+    Shift,
     Step,
     Wait,
 )
+from dualbend.types import Vector
 
 _TIP_MARGIN_M = 1.5e-3
 """Above and below the tips of the pins, where motions are slow."""
@@ -73,9 +76,9 @@ class AssemblyProgram:
         self.tip_force_n = middle_force(sheet, path, config.layout.pins.height_m)
         self.table = tuple(p for layer in range(config.sheets) for p in self._lay(layer))
 
-    def begin(self) -> Execution:
-        """Return an execution from the start."""
-        return Execution(self.table, self.start, self.bend_rad)
+    def begin(self, seat_stiffness: Vector) -> Execution:
+        """Return an execution from the start; the stiffness (3,) is that of a sheet on its pins."""
+        return Execution(self.table, self.start, self.bend_rad, seat_stiffness)
 
     def waypoints(self) -> list[tuple[str, Posture]]:
         """Return the postures between which the arms move, by the phase that ends there."""
@@ -130,6 +133,7 @@ class AssemblyProgram:
             Phase("unfold", [touch]),
             Phase("lower outer", self._lower_outer(layer, touch, outer)),
             Phase("seat outer", [settle(alpha_ratio=0.0)], outer),
+            Phase(CHECK, self._check_seats(settle())),
             Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
         ]
@@ -161,13 +165,32 @@ class AssemblyProgram:
     def _lower_outer(self, layer: int, touch: Move, holes: HolePair) -> Sequence[Step]:
         """Unfold; where it is not the first time, bend up to the touch and turn before."""
         config = self.config
-        along = config.layout.holes.outer.along_m
-        turn = self._move(yaw=tuple(place / along for place in config.search.aside()))
+        turn = self._move(yaw=tuple(config.search.turns(config.layout.holes)), alpha_ratio=1.0)
         slow = replace(self.pace, angular_rad_per_s=config.speeds.contact_rad_per_s)
         return [
             *(replace(move, retry_only=True) for move in (touch, turn)),
             self._down(holes, slow, alpha=holes.target, z=self._seat_z(layer)),
         ]
+
+    def _check_seats(self, settle: Step) -> Sequence[Step]:
+        """Move the sheet to and fro on its pins, along, across and turning about the vertical.
+
+        Turned by as much as brings the outer holes to their pins, the middle ones stay in their
+        play: only a sheet that all pins hold is held in all three.
+        """
+        config = self.config
+        moved, play = config.check_m, 0.5 * config.layout.holes.clearance_m
+        if not moved:
+            return []
+        slow = replace(self.pace, linear_m_per_s=config.speeds.contact_m_per_s)
+        steps: list[Step] = []
+        for axis, (name, arm) in enumerate(
+            (("x", 1.0), ("y", 1.0), ("yaw", config.layout.holes.outer.along_m))
+        ):
+            there, back = (Shift(name=name, by=by / arm, pace=slow) for by in (moved, -2 * moved))
+            check = CheckHeld(axis=axis, moved=moved / arm, play=play / arm)
+            steps += [there, settle, Measure("ahead"), back, settle, check, there]
+        return steps
 
     def _middle_holes(self, layer: int) -> HolePair:
         """Tell a tip from the press on the bent sheet, whose middle either holds up."""

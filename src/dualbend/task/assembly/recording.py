@@ -36,6 +36,7 @@ PHASE_COLOURS = {
     "unfold": 0x42A5F5FF,
     "lower outer": 0xF9A825FF,
     "seat outer": 0x26A69AFF,
+    "check seats": 0x00897BFF,
     "release": 0x8D6E63FF,
     "withdraw": 0x607D8BFF,
 }

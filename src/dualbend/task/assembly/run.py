@@ -60,6 +60,8 @@ TASK_COLUMNS: tuple[tuple[str, str], ...] = (
     *((f"{side}_gap", "m") for side in SIDES),
     *((f"pin_force_{hole}", "N") for hole in HOLES),
     *((f"edge_force_{hole}", "N") for hole in HOLES),
+    *((f"penetration_{hole}", "m") for hole in HOLES),
+    ("impact_depth", "m"),
     *((f"hole_{hole}_{axis}", "m") for hole in HOLES for axis in "xyz"),
 )
 
@@ -146,8 +148,11 @@ class AssemblyRun(Run):
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
         simulation.on_step.append(self.on_step)
+        believed, holes = self._believed(cell), self.config.layout.holes
+        self.seat_stiffness = self._stiffness(believed, 0.0, holes.outer.along_m)
         if self.config.compliance is not None:
-            self.stiffness = self._stiffness(cell)
+            middle = holes.middle.along_m
+            self.stiffness = np.array([self._stiffness(believed, b, middle) for b in BENDS])
             self._mobility = self._rate(self.config.compliance) / self.stiffness
 
     def _pose(self, posture: Posture) -> Vector:
@@ -238,24 +243,22 @@ class AssemblyRun(Run):
         age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
         return critical_rate(elements, age, COMMAND_PERIOD_S) / compliance.gain_margin
 
-    def _stiffness(self, cell: RobotCell) -> Vector:
-        """Return what the compliance works against along x, y and about z, at each of `BENDS`.
-
-        Of the sheet that the robots believe in: they know of no errors.
-        """
+    def _believed(self, cell: RobotCell) -> RobotCell:
+        """Return the cell that the robots believe in: they know of no errors."""
         task = msgspec.structs.replace(self.config, errors=ErrorsConfig())
         believed = msgspec.structs.replace(
             self.scenario, task=task, imperfections=ImperfectionsConfig()
         )
-        if believed != self.scenario:
-            cell = RobotCell(believed, cell.start, cell.place)
-        pinned = self.config.layout.holes.middle.along_m
-        found = []
-        for bend in BENDS:
-            posture = replace(self._down, alpha=bend * self._down.alpha)
-            q = cell.reach(self._pose(posture), self._down_q, _place(posture))
-            found.append(np.diag(object_stiffness(cell, q, posture.alpha, pinned)))
-        return np.array(found)
+        return cell if believed == self.scenario else RobotCell(believed, cell.start, cell.place)
+
+    def _stiffness(self, cell: RobotCell, bend: float, pinned_m: float) -> Vector:
+        """Return what moving the sheet on its pins works against along x, y and about z (3,).
+
+        ``bend``: over that at which the sheet is laid.
+        """
+        posture = replace(self._down, alpha=bend * self._down.alpha)
+        q = cell.reach(self._pose(posture), self._down_q, _place(posture))
+        return np.diag(object_stiffness(cell, q, posture.alpha, pinned_m))
 
     def begin(self, on_cycle: Callable[[int], None] | None = None) -> None:
         """Start again: the program, the compliance of the held sheet and its delay, too."""
@@ -266,7 +269,7 @@ class AssemblyRun(Run):
             else ObjectAdmittance(compliance, BENDS, self._mobility, period_s=COMMAND_PERIOD_S)
         )
         self._delay = TransportDelay(self.scenario.robot.alter.delay_cycles, 3)
-        self._task = self.program.begin()
+        self._task = self.program.begin(self.seat_stiffness)
         super().begin(on_cycle)
 
     def step(self) -> bool:
@@ -347,7 +350,10 @@ class AssemblyRun(Run):
                 *deviation,
                 *net,
                 *self.grippers.gap_m,
-                *peaks.ravel(),
+                *peaks.force_n,
+                *peaks.edge_force_n,
+                *peaks.penetration_m,
+                peaks.impact_m.max(),
                 *self.pins.offsets().ravel(),
             ]
         )
@@ -358,14 +364,26 @@ class AssemblyRun(Run):
                 f"{self._limit_strain:.2e}"
             )
         for force, limit, what in (
-            (peaks[0], limits.pin_force_n, "pin"),
-            (peaks[1], limits.edge_force_n, "hole edge"),
+            (peaks.force_n, limits.pin_force_n, "pin"),
+            (peaks.edge_force_n, limits.edge_force_n, "hole edge"),
         ):
             worst = int(np.argmax(force))
             if force[worst] > limit:
                 raise SimulationFailed(
                     f"{PHASES[goal.phase]}: the force on the {HOLES[worst]} {what} is "
                     f"{force[worst]:.1f} N, above {limit:g} N"
+                )
+        for depth, limit, what in (
+            (peaks.penetration_m, limits.penetration_m, "stays"),
+            # Deeper, a pin would come out on the other side.
+            (peaks.impact_m, 0.5 * self.cell.sheet.thickness_m, "falls"),
+        ):
+            worst = int(np.argmax(depth))
+            if depth[worst] > limit:
+                raise SimulationFailed(
+                    f"{PHASES[goal.phase]}: the sheet {what} {1e6 * depth[worst]:.0f} µm deep into "
+                    f"the {HOLES[worst]} pin, above {1e6 * limit:.0f} µm, which no metal does; "
+                    f"a smaller physics.step_s than {self.scenario.physics.step_s:g} resolves it"
                 )
 
 

@@ -26,7 +26,8 @@ class State:
     in the step, of at most ``cycles``. ``begin``, ``end``: of the present motion. ``pressed``:
     cycles in which a held up sheet was pressed on; ``seeking``: it is now. ``seen``: the last
     measurements; ``empty``, ``free``: their means with empty jaws, and with the bent sheet in the
-    air.
+    air; ``ahead``: with the sheet moved one way on its pins. ``seat_stiffness`` (3,): what moving a
+    seated sheet feels along x and y [N/m] and in yaw [N m/rad].
     """
 
     posture: Posture
@@ -42,6 +43,8 @@ class State:
     seen: deque[Sensed] = field(default_factory=lambda: deque(maxlen=MEAN_CYCLES))
     empty: Sensed | None = None
     free: Sensed | None = None
+    ahead: Sensed | None = None
+    seat_stiffness: Vector | None = None
 
     @property
     def phase(self) -> int:

@@ -172,11 +172,56 @@ class Wait(Step):
 class Measure(Step):
     """Keep the mean of the last half second for later comparison."""
 
-    name: Literal["empty", "free"]
+    name: Literal["empty", "free", "ahead"]
 
     def advance(self, state: State) -> bool:
         """Keep it."""
         setattr(state, self.name, state.mean())
+        return False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shift(Step):
+    """Move one component of the posture from where it is."""
+
+    name: Literal["x", "y", "yaw"]
+    by: float
+    pace: Pace
+
+    def advance(self, state: State) -> bool:
+        """Go on until the motion's time is over."""
+        if state.cycle == 0:
+            moved = {self.name: getattr(state.posture, self.name) + self.by}
+            state.begin, state.end = state.posture, replace(state.posture, **moved)
+            state.cycles = self.pace.cycles(state.begin, state.end)
+        return state.go_on()
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckHeld(Step):
+    """Stop the task where pins did not hold a sheet that was moved to and fro by ± ``moved``.
+
+    The play ± ``play`` of a seated sheet is free: half the difference of what is felt at both ends
+    is K (moved − play). ``axis``: x, y or yaw, in [m] and [N] or [rad] and [N m].
+    """
+
+    axis: int
+    moved: float
+    play: float
+
+    def advance(self, state: State) -> bool:
+        """Compare with half of what a seated sheet makes."""
+        assert state.ahead is not None
+        assert state.seat_stiffness is not None
+        before, now = (state.contact_wrench(seen.net) for seen in (state.ahead, state.mean()))
+        felt = 0.5 * abs(float(before[self.axis] - now[self.axis]))
+        whole = float(state.seat_stiffness[self.axis]) * (self.moved - self.play)
+        if felt < 0.5 * whole:
+            what, unit = (("along it", "N"), ("across it", "N"), ("by turning", "N m"))[self.axis]
+            raise state.stopped(
+                f"the holes are not all on their pins: moving the sheet {what} is held with "
+                f"{felt:.2f} {unit}, of a seated one with {whole:.2f} {unit}"
+            )
         return False
 
 

@@ -12,11 +12,14 @@ _SPACING = "a tenth of what is found without misalignment"
 
 TOLERANCES = {
     "holes_seated": ("absolute", 0.0, 0.0, _COUNT),
+    "wrong_seat_checks": ("absolute", 0.0, 0.0, _COUNT),
     "retries": ("absolute", 0.0, 0.0, _COUNT),
     "worst_hole_offset": ("absolute", 1e-4, 0.0, _REST),
     "worst_hole_height": ("absolute", 5e-6, 0.0, "a hundredth of what seated allows"),
     "peak_pin_force": ("relative", 0.02, 0.05, _CONTACT),
     "peak_edge_force": ("relative", 0.02, 0.05, _CONTACT),
+    "peak_penetration": ("absolute", 5e-6, 0.0, "a tenth of what is allowed"),
+    "peak_impact_depth": ("absolute", 1e-4, 0.0, "an impact's speed times where in a step it is"),
     "yield_strain": ("relative", 1e-6, 0.0, "a quotient of two settings"),
     "middle_spacing_error": ("absolute", 5e-7, 0.0, _SPACING),
     "peak_moment": ("relative", 5e-3, 1e-6, _CONTACT),

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+import numpy as np
+
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
+from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
 from dualbend.task.assembly.config import AssemblyConfig
 
 JAW_ROOM_M: Final = 0.015
@@ -41,6 +44,7 @@ def _problems(config: AssemblyConfig, sheet: Sheet) -> Iterator[str]:
                     f"layout.holes.{name}.{key} = {getattr(pair, key):g}: its pins would not stand "
                     f"on the bed; at most {half - radius:g}, or a larger layout.bed.{side}"
                 )
+    yield from _holes_beside_the_sheet(layout, sheet)
     apart = bed.half_width_m + stand.half_width_m
     if abs(stand.y_m) < apart:
         yield (
@@ -60,3 +64,22 @@ def _problems(config: AssemblyConfig, sheet: Sheet) -> Iterator[str]:
             f"lift_m = {config.lift_m:g}: the sheet would be carried into the pins; "
             f"at least {least:g}"
         )
+
+
+def _holes_beside_the_sheet(layout: LayoutConfig, sheet: Sheet) -> Iterator[str]:
+    holes, radius = layout.holes, 0.5 * (layout.pins.diameter_m + layout.holes.clearance_m)
+    most = np.array([0.5 * sheet.length_m, 0.5 * sheet.width_m]) - radius
+    keys = "along_m", "across_m"
+    for name, pair in (("middle", holes.middle), ("outer", holes.outer)):
+        for key, limit in zip(keys, most.tolist(), strict=True):
+            if abs(value := getattr(pair, key)) > limit:
+                yield (
+                    f"layout.holes.{name}.{key} = {value:g}: its holes would not be in the sheet; "
+                    f"at most {limit:g}"
+                )
+    for name, place, error in zip(HOLES, hole_places(holes), holes.errors_m, strict=True):
+        if (abs(place + error) > most).any():
+            yield (
+                f"layout.holes.errors_m = {holes.errors_m}: the {name} hole would not be in the "
+                f"sheet; it may be {most[0]:g} along and {most[1]:g} across from the middle"
+            )
