@@ -28,6 +28,8 @@ from dualbend.types import Vector
 
 CAUSES = (
     (": not seated:", "holes not seated"),
+    ("not all on their pins", "pins do not hold the sheet"),
+    ("which no metal does", "sheet in a pin"),
     ("the middle holes did not find", "middle holes not found"),
     ("the outer holes did not find", "outer holes not found"),
     ("hole edge is", "force on a hole's edge"),

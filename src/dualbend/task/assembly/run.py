@@ -35,6 +35,7 @@ from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly.config import ErrorsConfig, assembly_of
+from dualbend.task.assembly.damage import Resolution, stop_at_damage
 from dualbend.task.assembly.metrics import final_holes, seated
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program import AssemblyProgram
@@ -140,6 +141,7 @@ class AssemblyRun(Run):
         except InputError as error:
             raise self._out_of_reach("approach", error) from error
         super().__init__(scenario, cell)
+        self._resolution = Resolution(cell.sheet.thickness_m, scenario.physics.step_s)
         self._limit_strain = limit * sheet.young_pa / cell.sheet.young_pa
         self._check_path()
         simulation, layout = cell.simulation, self.config.workplace
@@ -341,7 +343,7 @@ class AssemblyRun(Run):
 
     def _note(self, goal: Goal, laid: int, deviation: Vector, net: Vector) -> None:
         """Record what is the assembly's own, and stop at what does damage."""
-        peaks, limits = self.pins.peaks(), self.config.limits
+        peaks = self.pins.peaks()
         self.trace.record_task(
             [
                 float(laid),
@@ -363,28 +365,7 @@ class AssemblyRun(Run):
                 f"{PHASES[goal.phase]}: the sheet's surface strain is {strain:.2e}, above yield, "
                 f"{self._limit_strain:.2e}"
             )
-        for force, limit, what in (
-            (peaks.force_n, limits.pin_force_n, "pin"),
-            (peaks.edge_force_n, limits.edge_force_n, "hole edge"),
-        ):
-            worst = int(np.argmax(force))
-            if force[worst] > limit:
-                raise SimulationFailed(
-                    f"{PHASES[goal.phase]}: the force on the {HOLES[worst]} {what} is "
-                    f"{force[worst]:.1f} N, above {limit:g} N"
-                )
-        for depth, limit, what in (
-            (peaks.penetration_m, limits.penetration_m, "stays"),
-            # Deeper, a pin would come out on the other side.
-            (peaks.impact_m, 0.5 * self.cell.sheet.thickness_m, "falls"),
-        ):
-            worst = int(np.argmax(depth))
-            if depth[worst] > limit:
-                raise SimulationFailed(
-                    f"{PHASES[goal.phase]}: the sheet {what} {1e6 * depth[worst]:.0f} µm deep into "
-                    f"the {HOLES[worst]} pin, above {1e6 * limit:.0f} µm, which no metal does; "
-                    f"a smaller physics.step_s than {self.scenario.physics.step_s:g} resolves it"
-                )
+        stop_at_damage(PHASES[goal.phase], peaks, self.config.limits, self._resolution)
 
 
 def _place(posture: Posture) -> Vector:
