@@ -131,10 +131,10 @@ class AssemblyConfig(TaskConfig, tag="assembly"):
     retreat_m: Annotated[float, said("from the sheet's end", gt=0, le=0.3)] = 0.05
     jaw_opening_m: Annotated[float, said("of each jaw", gt=0, le=0.015)] = 0.012
     press_m: Annotated[float, said("lower than the middle would need", ge=0, le=0.01)] = 0.2e-3
-    check_m: Annotated[
+    check_force_n: Annotated[
         float,
-        said("to and fro before a sheet is let go, to feel its pins; 0: not", ge=0, le=2e-3),
-    ] = 0.2e-3
+        said("by which pins are felt before a sheet is let go; 0: not", ge=0, le=100),
+    ] = 5.0
     timeout_s: Annotated[float, said("to wait for a phase's end", gt=0, le=600)] = 10.0
 
     @property

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from dualbend.task.assembly.motions import Goal, Posture, Sensed
+from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.state import State
-from dualbend.task.assembly.steps import Phase
-from dualbend.types import Vector
+from dualbend.task.assembly.steps import Phase, Step
 
 
 @dataclass
@@ -15,24 +14,18 @@ class Execution:
     """An explicit state machine over a table of phases; it may be copied or pickled in any cycle.
 
     ``table`` is only read; ``start``: posture in which the arms begin; ``bend_rad``: bending angle
-    at which a sheet is laid; ``seat_stiffness`` (3,): of a sheet on its pins along x, y and in yaw.
+    at which a sheet is laid.
     """
 
     table: tuple[Phase, ...]
     start: Posture
     bend_rad: float
-    seat_stiffness: Vector
     state: State = field(init=False)
     goal: Goal | None = field(init=False)
     """What is wanted in the present cycle; None when all sheets are laid."""
 
     def __post_init__(self) -> None:
-        self.state = State(
-            posture=self.start,
-            begin=self.start,
-            end=self.start,
-            seat_stiffness=self.seat_stiffness,
-        )
+        self.state = State(posture=self.start, begin=self.start, end=self.start)
         self.goal = self._next_goal()
 
     def advance(self, sensed: Sensed) -> Goal | None:
@@ -54,11 +47,14 @@ class Execution:
             phase = self.table[state.row]
             if state.step == len(phase.steps):
                 self._leave(phase)
-            elif phase.steps[state.step].advance(state):
-                return self._goal(phase.steps[state.step].alpha_ratio)
+            elif self._wanted(step := phase.steps[state.step]) and step.advance(state):
+                return self._goal(step.alpha_ratio)
             else:
                 state.step, state.cycle, state.pressed = state.step + 1, 0, 0
         return None
+
+    def _wanted(self, step: Step) -> bool:
+        return self.state.attempt > 0 or not step.retry_only
 
     def _leave(self, phase: Phase) -> None:
         """Go to the next phase, or back by one for another attempt."""
@@ -67,6 +63,9 @@ class Execution:
             again = phase.holes.missed(state)
             state.attempt = state.attempt + 1 if again else 0
         state.row, state.step = state.row - 1 if again else state.row + 1, 0
+        if state.phase <= PHASES.index("lower"):
+            # The next sheet, or the middle once more.
+            state.height = 0.0
 
     def _goal(self, alpha_ratio: float | None) -> Goal:
         state = self.state
@@ -74,7 +73,7 @@ class Execution:
             alpha_ratio = min(alpha_ratio, state.posture.alpha / self.bend_rad)
         return Goal(
             phase=state.phase,
-            posture=state.posture,
+            posture=replace(state.posture, z=state.posture.z + state.height),
             alpha_ratio=alpha_ratio,
             seeking=state.seeking,
             attempt=state.attempt,

@@ -72,13 +72,15 @@ class Sensed:
 
     ``net`` (4,): net force x, y, z [N] and moment about the vertical [N m] of the sheet on the
     arms. ``vertical`` (2,): force z on each arm [N]. ``gap`` (2,): between the pads [m].
-    ``error_m``: distance of the grips from where they were sent, by the joints' encoders.
+    ``error_m``: distance of the grips from where they were sent; ``place`` (3,): x, y [m] and yaw
+    [rad] of the sheet between them; both by the joints' encoders.
     """
 
     net: Vector
     vertical: Vector
     gap: Vector
     error_m: float
+    place: Vector
 
 
 @dataclass(frozen=True, kw_only=True)

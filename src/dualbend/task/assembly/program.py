@@ -11,40 +11,57 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from dualbend.beam.path import BendingPath
 from dualbend.beam.rod.planar import solve_planar
 from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
 from dualbend.errors import InputError
+from dualbend.scene.cell import GraspConfig
 from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.execution import Execution
 from dualbend.task.assembly.motions import CHECK, Pace, Posture
 from dualbend.task.assembly.state import MEAN_CYCLES, State
 from dualbend.task.assembly.steps import (
+    Centre,
     CheckGrasp,
-    CheckHeld,
     CheckWeight,
     HolePair,
     Measure,
     Move,
     MoveDown,
     Phase,
-    Shift,
+    Press,
     Step,
+    TouchPins,
     Wait,
 )
-from dualbend.types import Vector
 
 _TIP_MARGIN_M = 1.5e-3
 """Above and below the tips of the pins, where motions are slow."""
+
+_CHECK_M_PER_S, _SEEN_LATE_S, _STUCK_M = 3e-4, 0.3, 2e-3
+"""How fast a sheet is moved to a pin, how late its force is noticed, how far arms may stick."""
+
+_ARMS_OFF_M = 1e-3
+"""By how much arms may stand higher or lower than they know."""
+
+_HELD_UP = 0.25
+"""Share of a pin's height: what is held up by more is not on its pins.
+
+With one of its holes on a tip the middle is half of it, an end all of it; arms that stand too low
+are some tenths of a millimetre.
+"""
 
 
 class AssemblyProgram:
     """Table of phases and steps by which two robots lay a stack of sheets.
 
     It does not change: any number of executions may share it. ``sheet``: as the robots believe it
-    to be. ``path``: half distance and rise over the bending angle, up to that at which the sheet is
-    laid. ``touch_rad``: bending angle at which the outer holes come to the tips of their pins.
-    ``bend_speed_rad_per_s``: highest speed of the bending angle while the sheet bends in the air.
+    to be. ``grasp``: its rubber yields where pins hold the sheet. ``path``: half distance and rise
+    over the bending angle, up to that at which the sheet is laid. ``touch_rad``: bending angle at
+    which the outer holes come to the tips of their pins. ``bend_speed_rad_per_s``: highest speed of
+    the bending angle while the sheet bends in the air.
     """
 
     def __init__(
@@ -52,6 +69,7 @@ class AssemblyProgram:
         *,
         config: AssemblyConfig,
         sheet: Sheet,
+        grasp: GraspConfig,
         path: BendingPath,
         touch_rad: float,
         bend_speed_rad_per_s: float,
@@ -59,6 +77,10 @@ class AssemblyProgram:
     ) -> None:
         self.config, self.sheet, self.bend_rad = config, sheet, float(path.knots[-1])
         self.touch_rad, self.bend_speed_rad_per_s = touch_rad, bend_speed_rad_per_s
+        k, arm = grasp.translational_stiffness_n_per_m, 0.5 * sheet.length_m
+        turn = k * arm**2 + grasp.rotational_stiffness_n_m_per_rad
+        self.rubber = 2.0 * np.array([k, k, turn])
+        """Of both grips along x and y [N/m] and about the vertical [N m/rad]."""
         self.pace = Pace(
             linear_m_per_s=config.speeds.travel_m_per_s,
             angular_rad_per_s=config.speeds.unfold_rad_per_s,
@@ -72,13 +94,14 @@ class AssemblyProgram:
             retreat=config.retreat_m,
             opening=config.jaw_opening_m,
         )
+        self.path = path
         self.press_force_n = middle_force(sheet, path, config.press_m)
         self.tip_force_n = middle_force(sheet, path, config.layout.pins.height_m)
         self.table = tuple(p for layer in range(config.sheets) for p in self._lay(layer))
 
-    def begin(self, seat_stiffness: Vector) -> Execution:
-        """Return an execution from the start; the stiffness (3,) is that of a sheet on its pins."""
-        return Execution(self.table, self.start, self.bend_rad, seat_stiffness)
+    def begin(self) -> Execution:
+        """Return an execution from the start."""
+        return Execution(self.table, self.start, self.bend_rad)
 
     def waypoints(self) -> list[tuple[str, Posture]]:
         """Return the postures between which the arms move, by the phase that ends there."""
@@ -128,17 +151,17 @@ class AssemblyProgram:
             Phase("lift", [move(z=start.z + config.lift_m), settle(), CheckWeight(weight)]),
             Phase("carry", [move(y=0.0, z=over), settle()]),
             Phase("bend", [move(pace=slow, alpha=self.bend_rad), settle(), Measure("free")]),
-            Phase("lower", self._lower(layer, middle)),
-            Phase("seat middle", [settle(alpha_ratio=1.0)], middle),
-            Phase("unfold", [touch]),
+            Phase("lower", self._lower(layer, middle, settle())),
+            Phase("seat middle", [settle(alpha_ratio=1.0), self._press(middle)], middle),
+            Phase("unfold", [touch, settle(alpha_ratio=1.0), Measure("seated")]),
             Phase("lower outer", self._lower_outer(layer, touch, outer)),
             Phase("seat outer", [settle(alpha_ratio=0.0)], outer),
-            Phase(CHECK, self._check_seats(settle())),
+            Phase(CHECK, self._check_seats()),
             Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
         ]
 
-    def _lower(self, layer: int, holes: HolePair) -> Sequence[Step]:
+    def _lower(self, layer: int, holes: HolePair, settle: Step) -> Sequence[Step]:
         """Go above the tips, to a place of the search, down past the tips, and to the bed."""
         config, pins, speeds = self.config, self.config.layout.pins, self.config.speeds
         tips = self._seat_z(layer) + pins.height_m
@@ -150,6 +173,7 @@ class AssemblyProgram:
         )
         return [
             self._move(z=tips + _TIP_MARGIN_M),
+            replace(settle, retry_only=True),
             self._move(x=x, y=y),
             self._down(holes, contact, z=past_tips),
             self._down(holes, seat, top=past_tips, z=holes.target),
@@ -172,36 +196,53 @@ class AssemblyProgram:
             self._down(holes, slow, alpha=holes.target, z=self._seat_z(layer)),
         ]
 
-    def _check_seats(self, settle: Step) -> Sequence[Step]:
-        """Move the sheet to and fro on its pins, along, across and turning about the vertical.
+    def _press(self, holes: HolePair) -> Press:
+        return Press(
+            force=self.press_force_n,
+            softness=holes.softness,
+            most=_ARMS_OFF_M,
+            timeout_s=self.config.timeout_s,
+            period_s=self.pace.period_s,
+            alpha_ratio=1.0,
+        )
 
-        Turned by as much as brings the outer holes to their pins, the middle ones stay in their
-        play: only a sheet that all pins hold is held in all three.
+    def _check_seats(self) -> Sequence[Step]:
+        """Move the sheet from pin to pin, along, across and turning about the vertical.
+
+        A seated sheet has its clearance c, and what yields to the force at both ends. One that no
+        pins hold goes on; one that only the middle pins hold turns c/s, s their arm, before they
+        do, and is stopped midway between that and the play of the outer ones.
         """
-        config = self.config
-        moved, play = config.check_m, 0.5 * config.layout.holes.clearance_m
-        if not moved:
+        config, holes = self.config, self.config.layout.holes
+        if not config.check_force_n:
             return []
-        slow = replace(self.pace, linear_m_per_s=config.speeds.contact_m_per_s)
+        c, near, far = holes.clearance_m, holes.middle.along_m, holes.outer.along_m
+        free = 2.0 * c, 2.0 * c, 0.5 * (c / far + c / near)
         steps: list[Step] = []
-        for axis, (name, arm) in enumerate(
-            (("x", 1.0), ("y", 1.0), ("yaw", config.layout.holes.outer.along_m))
-        ):
-            there, back = (Shift(name=name, by=by / arm, pace=slow) for by in (moved, -2 * moved))
-            check = CheckHeld(axis=axis, moved=moved / arm, play=play / arm)
-            steps += [there, settle, Measure("ahead"), back, settle, check, there]
+        for axis, arm in enumerate((1.0, 1.0, far)):
+            step, force = _CHECK_M_PER_S * self.pace.period_s / arm, config.check_force_n * arm
+            yields = 2.0 * force / self.rubber[axis] + _SEEN_LATE_S * _CHECK_M_PER_S / arm
+            touch = partial(
+                TouchPins, axis=axis, force=force, most=free[axis] + yields, slack=_STUCK_M / arm
+            )
+            steps += [touch(step=step), touch(step=-step), Centre(pace=self.pace)]
         return steps
 
     def _middle_holes(self, layer: int) -> HolePair:
         """Tell a tip from the press on the bent sheet, whose middle either holds up."""
-        press_n, tip_n = self.press_force_n, self.tip_force_n
+        press_n, tip_n, held_up_m = (
+            self.press_force_n,
+            self.tip_force_n,
+            _HELD_UP * self.config.layout.pins.height_m,
+        )
         return HolePair(
             name="middle",
             coordinate="z",
             target=self._seat_z(layer) - self.config.press_m,
             support=State.support,
             touch_n=press_n + 0.1 * (tip_n - press_n),
-            missed_n=press_n + 0.3 * (tip_n - press_n),
+            missed_n=middle_force(self.sheet, self.path, held_up_m),
+            short=held_up_m,
             softness=self.config.press_m / press_n,
             attempts=1 + self.config.search.attempts,
         )
@@ -219,6 +260,7 @@ class AssemblyProgram:
             support=State.end_support,
             touch_n=0.4 * missed,
             missed_n=missed,
+            short=_HELD_UP * self.touch_rad,
             # A grip rises by L/π for each radian.
             softness=math.pi / (stiffness * sheet.length_m),
             attempts=1 + self.config.search.attempts,

@@ -305,7 +305,7 @@ def contact_force(trace: Trace) -> Vector:
     net = np.stack([trace[f"net_force_{a}"] for a in "xyz"], axis=1)
     phase, sheet = trace["phase"].astype(int), trace["sheet"]
     force = np.full_like(net, np.nan)
-    down = (phase >= PHASES.index("lower")) & (phase <= PHASES.index("seat outer"))
+    down = (phase >= PHASES.index("lower")) & (phase < PHASES.index("release"))
     for number in np.unique(sheet[down & np.isfinite(sheet)]):
         free = np.flatnonzero((sheet == number) & (phase == PHASES.index("bend")))
         mine = down & (sheet == number)

@@ -129,6 +129,7 @@ class AssemblyRun(Run):
         self.program = AssemblyProgram(
             config=self.config,
             sheet=sheet,
+            grasp=scenario.grasp,
             path=self._path,
             touch_rad=self.plan.range.reach_rad,
             bend_speed_rad_per_s=scenario.motion.speed_rad_per_s,
@@ -150,11 +151,8 @@ class AssemblyRun(Run):
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
         simulation.on_step.append(self.on_step)
-        believed, holes = self._believed(cell), self.config.layout.holes
-        self.seat_stiffness = self._stiffness(believed, 0.0, holes.outer.along_m)
         if self.config.compliance is not None:
-            middle = holes.middle.along_m
-            self.stiffness = np.array([self._stiffness(believed, b, middle) for b in BENDS])
+            self.stiffness = self._stiffness(cell)
             self._mobility = self._rate(self.config.compliance) / self.stiffness
 
     def _pose(self, posture: Posture) -> Vector:
@@ -245,22 +243,24 @@ class AssemblyRun(Run):
         age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
         return critical_rate(elements, age, COMMAND_PERIOD_S) / compliance.gain_margin
 
-    def _believed(self, cell: RobotCell) -> RobotCell:
-        """Return the cell that the robots believe in: they know of no errors."""
+    def _stiffness(self, cell: RobotCell) -> Vector:
+        """Return what the compliance works against along x, y and about z, at each of `BENDS`.
+
+        Of the sheet that the robots believe in: they know of no errors.
+        """
         task = msgspec.structs.replace(self.config, errors=ErrorsConfig())
         believed = msgspec.structs.replace(
             self.scenario, task=task, imperfections=ImperfectionsConfig()
         )
-        return cell if believed == self.scenario else RobotCell(believed, cell.start, cell.place)
-
-    def _stiffness(self, cell: RobotCell, bend: float, pinned_m: float) -> Vector:
-        """Return what moving the sheet on its pins works against along x, y and about z (3,).
-
-        ``bend``: over that at which the sheet is laid.
-        """
-        posture = replace(self._down, alpha=bend * self._down.alpha)
-        q = cell.reach(self._pose(posture), self._down_q, _place(posture))
-        return np.diag(object_stiffness(cell, q, posture.alpha, pinned_m))
+        if believed != self.scenario:
+            cell = RobotCell(believed, cell.start, cell.place)
+        pinned = self.config.layout.holes.middle.along_m
+        found = []
+        for bend in BENDS:
+            posture = replace(self._down, alpha=bend * self._down.alpha)
+            q = cell.reach(self._pose(posture), self._down_q, _place(posture))
+            found.append(np.diag(object_stiffness(cell, q, posture.alpha, pinned)))
+        return np.array(found)
 
     def begin(self, on_cycle: Callable[[int], None] | None = None) -> None:
         """Start again: the program, the compliance of the held sheet and its delay, too."""
@@ -271,7 +271,7 @@ class AssemblyRun(Run):
             else ObjectAdmittance(compliance, BENDS, self._mobility, period_s=COMMAND_PERIOD_S)
         )
         self._delay = TransportDelay(self.scenario.robot.alter.delay_cycles, 3)
-        self._task = self.program.begin(self.seat_stiffness)
+        self._task = self.program.begin()
         super().begin(on_cycle)
 
     def step(self) -> bool:
@@ -299,14 +299,15 @@ class AssemblyRun(Run):
         observed, command = self.control(seen, PHASES[goal.phase], nominal, reading)
         self.grippers.drive(goal.posture.opening)
         targets = carried_targets(command.pose.coordinates, moved)
-        error = _error(targets, self.cell.measured(seen)[:, :3])
+        grip = self.cell.measured(seen)[:, :3] * BENDING_TO_WORLD
         self.send(targets, observed, command)
         self.grippers.update()
         sensed = Sensed(
             net=net,
             vertical=_vertical(bending),
             gap=self.grippers.gap_m,
-            error_m=error,
+            error_m=_error(targets, grip),
+            place=_between(grip),
         )
         if self._task.advance(sensed) is None:
             self._lay()
@@ -381,4 +382,10 @@ def _vertical(bending: Wrench) -> Vector:
 def _error(targets: Targets, grip: Vector) -> float:
     """Return how far the grips (2, 3) are from where they are sent, the farther one [m]."""
     sent = np.array([target.translation() for target in targets])
-    return float(np.linalg.norm(grip * BENDING_TO_WORLD - sent, axis=1).max())
+    return float(np.linalg.norm(grip - sent, axis=1).max())
+
+
+def _between(grip: Vector) -> Vector:
+    """Return x, y [m] and yaw [rad] (3,) of what two grips (2, 3) hold between them."""
+    (x, y, _), (along, across, _) = grip.mean(axis=0), grip[1] - grip[0]
+    return np.array([x, y, math.atan2(across, along)])

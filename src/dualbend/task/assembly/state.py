@@ -26,8 +26,9 @@ class State:
     in the step, of at most ``cycles``. ``begin``, ``end``: of the present motion. ``pressed``:
     cycles in which a held up sheet was pressed on; ``seeking``: it is now. ``seen``: the last
     measurements; ``empty``, ``free``: their means with empty jaws, and with the bent sheet in the
-    air; ``ahead``: with the sheet moved one way on its pins. ``seat_stiffness`` (3,): what moving a
-    seated sheet feels along x and y [N/m] and in yaw [N m/rad].
+    air; ``seated``: on the middle pins, the outer holes above theirs. ``height`` [m]: by how much
+    the arms stand higher than they know, as the press on the middle told. ``touch_from``: place
+    from which the sheet is moved towards a pin.
     """
 
     posture: Posture
@@ -43,8 +44,9 @@ class State:
     seen: deque[Sensed] = field(default_factory=lambda: deque(maxlen=MEAN_CYCLES))
     empty: Sensed | None = None
     free: Sensed | None = None
-    ahead: Sensed | None = None
-    seat_stiffness: Vector | None = None
+    seated: Sensed | None = None
+    height: float = 0.0
+    touch_from: Vector | None = None
 
     @property
     def phase(self) -> int:
@@ -78,6 +80,7 @@ class State:
             vertical=np.mean([s.vertical for s in last], axis=0),
             gap=np.mean([s.gap for s in last], axis=0),
             error_m=max(s.error_m for s in last),
+            place=np.mean([s.place for s in last], axis=0),
         )
 
     def support(self, cycles: int) -> float:
@@ -86,9 +89,9 @@ class State:
         return float(self.mean(cycles).net[2] - self.free.net[2])
 
     def end_support(self, cycles: int) -> float:
-        """Return the larger one of the two arms' shares in the support [N]."""
-        assert self.free is not None
-        return float((self.mean(cycles).vertical - self.free.vertical).max())
+        """Return what holds an arm up besides the middle pins, the larger one of both [N]."""
+        assert self.seated is not None
+        return float((self.mean(cycles).vertical - self.seated.vertical).max())
 
     def grip_error(self) -> float:
         """Return the distance of the grips from where they were sent [m]."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from dualbend.task.assembly.motions import Pace
+from dualbend.task.assembly.motions import Pace, interpolate
 from dualbend.task.assembly.state import MEAN_CYCLES, SUPPORT_CYCLES, State
 from dualbend.types import SIDES
 
@@ -23,10 +23,12 @@ class Step:
     """One line of the table.
 
     ``alpha_ratio``: the compliance is that of a sheet bent as far as it is now, and at most this
-    far, over the bending angle at which it is laid; None: no compliance.
+    far, over the bending angle at which it is laid; None: no compliance. ``retry_only``: not in the
+    first attempt.
     """
 
     alpha_ratio: float | None = None
+    retry_only: bool = False
 
     def advance(self, state: State) -> bool:
         """Choose the next cycle's posture, the first one at ``state.cycle`` 0; False: it is over.
@@ -38,20 +40,14 @@ class Step:
 
 @dataclass(frozen=True, kw_only=True)
 class Move(Step):
-    """Move some components of the posture, each to a value or to one value for each attempt.
-
-    ``retry_only``: not in the first attempt.
-    """
+    """Move some components of the posture, each to a value or to one value for each attempt."""
 
     to: Mapping[str, float | tuple[float, ...]]
     pace: Pace
-    retry_only: bool = False
 
     def advance(self, state: State) -> bool:
         """Go on until the motion's time is over."""
         if state.cycle == 0:
-            if self.retry_only and state.attempt == 0:
-                return False
             target = {
                 name: value[state.attempt] if isinstance(value, tuple) else value
                 for name, value in self.to.items()
@@ -66,8 +62,8 @@ class HolePair:
     """Two holes that go down on their pins together, and the force by which a pin's tip is felt.
 
     ``coordinate`` of the posture falls to ``target``; ``support`` tells the force [N]. Above
-    ``touch_n`` it stops the motion, above ``missed_n`` the holes are not on their pins;
-    ``softness``: motion per force [m/N] or [rad/N].
+    ``touch_n`` it stops the motion; above ``missed_n``, or where the motion ended ``short`` of its
+    target, the holes are not on their pins. ``softness``: motion per force [m/N] or [rad/N].
     """
 
     name: Literal["middle", "outer"]
@@ -76,6 +72,7 @@ class HolePair:
     support: Callable[[State, int], float]
     touch_n: float
     missed_n: float
+    short: float
     softness: float
     attempts: int
 
@@ -86,7 +83,7 @@ class HolePair:
     def missed(self, state: State) -> bool:
         """Tell whether to try again; stop the task after the last attempt."""
         support, short = self.support(state, MEAN_CYCLES), self.value(state) - self.target
-        if support < self.missed_n and short <= 0.0:
+        if support < self.missed_n and short <= self.short:
             return False
         if state.attempt + 1 < self.attempts:
             return True
@@ -168,11 +165,36 @@ class Wait(Step):
         return True
 
 
+@dataclass(frozen=True, kw_only=True)
+class Press(Step):
+    """Press the seated middle as hard as is wanted: arms do not know how high they stand.
+
+    Their height changes with the excess of force, by ``most`` at most, until a third of the force
+    is all that it is off by, or for ``timeout_s``.
+    """
+
+    force: float
+    softness: float
+    most: float
+    timeout_s: float
+    period_s: float
+
+    def advance(self, state: State) -> bool:
+        """Go up or down a little."""
+        excess = state.support(SUPPORT_CYCLES) - self.force
+        if abs(excess) <= self.force / 3 or state.cycle * self.period_s > self.timeout_s:
+            return False
+        moved = state.height + _PRESS_RATE_PER_S * self.period_s * self.softness * excess
+        state.height = min(max(moved, -self.most), self.most)
+        state.cycle += 1
+        return True
+
+
 @dataclass(frozen=True)
 class Measure(Step):
     """Keep the mean of the last half second for later comparison."""
 
-    name: Literal["empty", "free", "ahead"]
+    name: Literal["empty", "free", "seated"]
 
     def advance(self, state: State) -> bool:
         """Keep it."""
@@ -181,48 +203,64 @@ class Measure(Step):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shift(Step):
-    """Move one component of the posture from where it is."""
+class TouchPins(Step):
+    """Move the sheet one way until its pins hold it; stop the task where they do not.
 
-    name: Literal["x", "y", "yaw"]
-    by: float
+    ``axis``: x, y or yaw; ``step``: of a cycle, one way or the other, [m] or [rad]. They hold it
+    where it is pushed back with ``force`` [N] or [N m], within ``most`` of motion, as the encoders
+    tell it: arms that stick need not go where they are sent. ``slack``: sent further, an arm that
+    has not moved is stuck.
+    """
+
+    axis: int
+    step: float
+    force: float
+    most: float
+    slack: float
+
+    def advance(self, state: State) -> bool:
+        """Go on until the force is felt."""
+        seen, name, way = state.seen[-1], ("x", "y", "yaw")[self.axis], math.copysign(1, self.step)
+        if state.cycle == 0:
+            state.begin, state.touch_from = state.posture, seen.place
+        assert state.touch_from is not None
+        felt = -way * float(state.contact_wrench(seen.net)[self.axis])
+        if felt >= self.force:
+            return False
+        moved = way * float(seen.place[self.axis] - state.touch_from[self.axis])
+        sent = abs(state.cycle * self.step)
+        if moved > self.most or sent > self.most + self.slack:
+            raise state.stopped(self._said(moved, felt))
+        here = getattr(state.posture, name) + self.step
+        state.posture, state.cycle = replace(state.posture, **{name: here}), state.cycle + 1
+        return True
+
+    def _said(self, moved: float, felt: float) -> str:
+        how, units, scale = (
+            ("along it", ("mm", "N"), 1e3),
+            ("across it", ("mm", "N"), 1e3),
+            ("by turning it", ("mrad", "N m"), 1e3),
+        )[self.axis]
+        return (
+            f"not all holes are on their pins: moving the sheet {how} by {scale * moved:.2f} "
+            f"{units[0]} is held with {felt:.2f} {units[1]}; pins would hold it with "
+            f"{self.force:.2f} {units[1]} within {scale * self.most:.2f} {units[0]}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Centre(Step):
+    """Go back by half of the motion from one contact to the other."""
+
     pace: Pace
 
     def advance(self, state: State) -> bool:
         """Go on until the motion's time is over."""
         if state.cycle == 0:
-            moved = {self.name: getattr(state.posture, self.name) + self.by}
-            state.begin, state.end = state.posture, replace(state.posture, **moved)
+            middle = interpolate(state.posture, state.begin, 0.5)
+            state.begin, state.end = state.posture, middle
             state.cycles = self.pace.cycles(state.begin, state.end)
         return state.go_on()
-
-
-@dataclass(frozen=True, kw_only=True)
-class CheckHeld(Step):
-    """Stop the task where pins did not hold a sheet that was moved to and fro by ± ``moved``.
-
-    The play ± ``play`` of a seated sheet is free: half the difference of what is felt at both ends
-    is K (moved − play). ``axis``: x, y or yaw, in [m] and [N] or [rad] and [N m].
-    """
-
-    axis: int
-    moved: float
-    play: float
-
-    def advance(self, state: State) -> bool:
-        """Compare with half of what a seated sheet makes."""
-        assert state.ahead is not None
-        assert state.seat_stiffness is not None
-        before, now = (state.contact_wrench(seen.net) for seen in (state.ahead, state.mean()))
-        felt = 0.5 * abs(float(before[self.axis] - now[self.axis]))
-        whole = float(state.seat_stiffness[self.axis]) * (self.moved - self.play)
-        if felt < 0.5 * whole:
-            what, unit = (("along it", "N"), ("across it", "N"), ("by turning", "N m"))[self.axis]
-            raise state.stopped(
-                f"the holes are not all on their pins: moving the sheet {what} is held with "
-                f"{felt:.2f} {unit}, of a seated one with {whole:.2f} {unit}"
-            )
-        return False
 
 
 @dataclass(frozen=True)
