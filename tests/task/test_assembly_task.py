@@ -75,6 +75,7 @@ class World:
     held: tuple[bool, bool, bool] = (True, True, True)
     arm_m: float = 0.14
     too_low_m: float = 0.0
+    apart_m: float = 0.0
     error_m: float = 0.0
     jaws_open: bool = True
     goals: list[Goal] = field(default_factory=list)
@@ -100,7 +101,21 @@ class World:
         x, y, turn = self._by_pins(goal)
         net = np.array([x, y, vertical.sum(), turn])
         place = np.array([posture.x, posture.y, posture.yaw])
-        return Sensed(net=net, vertical=vertical, gap=gap, error_m=self.error_m, place=place)
+        return Sensed(
+            net=net,
+            vertical=vertical,
+            tension=self._tension(goal),
+            gap=gap,
+            error_m=self.error_m,
+            place=place,
+        )
+
+    def _tension(self, goal: Goal) -> float:
+        """Stretch a flat sheet between grips that are farther apart than they know."""
+        if PHASES[goal.phase] != CHECK:
+            return 0.0
+        rubber = GraspConfig().translational_stiffness_n_per_m
+        return rubber * (goal.posture.retreat + self.apart_m)
 
     def _by_pins(self, goal: Goal) -> Array:
         """Push back beyond the play where the pins hold the sheet that is moved for a check."""
@@ -512,6 +527,14 @@ def test_arms_that_stick_hold_nothing() -> None:
 def test_no_check_is_made_where_none_is_wanted() -> None:
     config = msgspec.structs.replace(COMPLIANT, check_force_n=0.0)
     assert "check seats" not in phases(play(World(make(config), held=(False, False, False))))
+
+
+@pytest.mark.parametrize("apart_m", [-0.5e-3, 0.0, 0.3e-3])
+def test_a_sheet_is_let_go_without_tension(apart_m: float) -> None:
+    world = World(make(msgspec.structs.replace(COMPLIANT, timeout_s=5.0)), apart_m=apart_m)
+    last = attempts(play(world), "check seats")[0][-1]
+    # By design: one newton.
+    assert abs(world._tension(last)) <= 1.0
 
 
 @pytest.mark.parametrize("too_low_m", [-0.6e-3, -0.2e-3, 0.0, 0.2e-3, 0.6e-3])

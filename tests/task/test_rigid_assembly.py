@@ -1,11 +1,8 @@
 """Arms that do not yield: what a millimetre of misalignment costs, and that nothing else does."""
 
-from itertools import islice
-
 import pytest
 
 from dualbend.scenario.load import load_scenario
-from dualbend.task.assembly.config import assembly_of
 from dualbend.task.assembly.draws import misalignment, play
 from dualbend.task.assembly.metrics import seated
 from dualbend.task.assembly.run import AssemblyRun
@@ -16,18 +13,15 @@ ALIGNED = [f"task.errors.{error}=0.0" for error in ("pickup_x_m", "pickup_y_m", 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 5])
-def test_rigid_arms_press_a_misaligned_sheet_on_a_pin_until_they_are_stopped(seed: int) -> None:
+def test_rigid_arms_do_not_lay_a_misaligned_sheet(seed: int) -> None:
     scenario = load_scenario("pwb-rigid", seed=seed)
     assert "completed" not in scenario.expect.outcome
     assert misalignment(scenario) > 10.0 * play(scenario)
     result = AssemblyRun(scenario).run()
-    # Nobody feels anything here, so that the noise decides nothing.
-    assert result.outcome == "failed"
-    limit = assembly_of(scenario).limits.pin_force_n
-    assert f"N, above {limit:g} N" in result.reason
+    assert result.outcome in ("aborted", "failed")
+    assert result.expected
     assert not seated(result).any()
-    rows = list(_rigid(result, AssemblyRun(load_scenario("pwb-misaligned")).run()))
-    assert [row.name for row in rows if not row.passed] == []
+    assert [row.name for row in _rigid(result) if not row.passed] == []
 
 
 def test_rigid_arms_lay_a_sheet_that_is_where_it_should_be() -> None:
@@ -36,5 +30,4 @@ def test_rigid_arms_lay_a_sheet_that_is_where_it_should_be() -> None:
     assert result.outcome == "completed"
     assert seated(result).all()
     assert not result.expected
-    rows = islice(_rigid(result, result), 3)
-    assert [row.passed for row in rows] == [False] * 3
+    assert [row.passed for row in _rigid(result)] == [False] * 2

@@ -71,13 +71,15 @@ class Sensed:
     """Measurements of one cycle, all from sensors that the robots have.
 
     ``net`` (4,): net force x, y, z [N] and moment about the vertical [N m] of the sheet on the
-    arms. ``vertical`` (2,): force z on each arm [N]. ``gap`` (2,): between the pads [m].
+    arms. ``vertical`` (2,): force z on each arm [N]. ``tension`` of the sheet between both arms,
+    their mean [N]. ``gap`` (2,): between the pads [m].
     ``error_m``: distance of the grips from where they were sent; ``place`` (3,): x, y [m] and yaw
     [rad] of the sheet between them; both by the joints' encoders.
     """
 
     net: Vector
     vertical: Vector
+    tension: float
     gap: Vector
     error_m: float
     place: Vector

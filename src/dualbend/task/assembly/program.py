@@ -7,7 +7,7 @@ pins, unfold it until the outer ones are on theirs, let go, withdraw. What ends 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -32,6 +32,7 @@ from dualbend.task.assembly.steps import (
     MoveDown,
     Phase,
     Press,
+    Slacken,
     Step,
     TouchPins,
     Wait,
@@ -44,7 +45,10 @@ _CHECK_M_PER_S, _SEEN_LATE_S, _STUCK_M = 3e-4, 0.3, 2e-3
 """How fast a sheet is moved to a pin, how late its force is noticed, how far arms may stick."""
 
 _ARMS_OFF_M = 1e-3
-"""By how much arms may stand higher or lower than they know."""
+"""By how much arms may stand higher, lower, nearer or farther than they know."""
+
+_SLACK_N = 1.0
+"""Tension of a flat sheet that is let go."""
 
 _HELD_UP = 0.25
 """Share of a pin's height: what is held up by more is not on its pins.
@@ -152,11 +156,11 @@ class AssemblyProgram:
             Phase("carry", [move(y=0.0, z=over), settle()]),
             Phase("bend", [move(pace=slow, alpha=self.bend_rad), settle(), Measure("free")]),
             Phase("lower", self._lower(layer, middle, settle())),
-            Phase("seat middle", [settle(alpha_ratio=1.0), self._press(middle)], middle),
+            Phase("seat middle", [settle(alpha_ratio=1.0), *self._press(middle)], middle),
             Phase("unfold", [touch, settle(alpha_ratio=1.0), Measure("seated")]),
             Phase("lower outer", self._lower_outer(layer, touch, outer)),
             Phase("seat outer", [settle(alpha_ratio=0.0)], outer),
-            Phase(CHECK, self._check_seats()),
+            Phase(CHECK, [*self._check_seats(), *self._slacken()]),
             Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
         ]
@@ -184,7 +188,7 @@ class AssemblyProgram:
         margin_rad = math.pi * _TIP_MARGIN_M / self.sheet.length_m
         alpha = min(self.touch_rad + margin_rad, self.bend_rad)
         z = self._seat_z(layer) - self.config.press_m * alpha / self.bend_rad
-        return self._move(alpha_ratio=1.0, alpha=alpha, z=z)
+        return self._move(alpha_ratio=1.0, alpha=alpha, z=z, retreat=0.0)
 
     def _lower_outer(self, layer: int, touch: Move, holes: HolePair) -> Sequence[Step]:
         """Unfold; where it is not the first time, bend up to the touch and turn before."""
@@ -196,15 +200,27 @@ class AssemblyProgram:
             self._down(holes, slow, alpha=holes.target, z=self._seat_z(layer)),
         ]
 
-    def _press(self, holes: HolePair) -> Press:
-        return Press(
-            force=self.press_force_n,
-            softness=holes.softness,
-            most=_ARMS_OFF_M,
-            timeout_s=self.config.timeout_s,
-            period_s=self.pace.period_s,
-            alpha_ratio=1.0,
-        )
+    def _press(self, holes: HolePair) -> Iterator[Press]:
+        if self.config.compliance is not None and self.press_force_n > 0.0:
+            yield Press(
+                force=self.press_force_n,
+                softness=holes.softness,
+                most=_ARMS_OFF_M,
+                timeout_s=self.config.timeout_s,
+                period_s=self.pace.period_s,
+                alpha_ratio=1.0,
+            )
+
+    def _slacken(self) -> Iterator[Slacken]:
+        if self.config.compliance is not None:
+            yield Slacken(
+                force=_SLACK_N,
+                softness=2.0 / float(self.rubber[0]),
+                most=_ARMS_OFF_M,
+                timeout_s=self.config.timeout_s,
+                period_s=self.pace.period_s,
+                alpha_ratio=0.0,
+            )
 
     def _check_seats(self) -> Sequence[Step]:
         """Move the sheet from pin to pin, along, across and turning about the vertical.

@@ -304,7 +304,8 @@ class AssemblyRun(Run):
         self.grippers.update()
         sensed = Sensed(
             net=net,
-            vertical=_vertical(bending),
+            vertical=_along(bending, 2),
+            tension=float(_along(bending, 0).mean()),
             gap=self.grippers.gap_m,
             error_m=_error(targets, grip),
             place=_between(grip),
@@ -373,9 +374,12 @@ def _place(posture: Posture) -> Vector:
     return np.array([posture.x, posture.y, posture.z, posture.yaw])
 
 
-def _vertical(bending: Wrench) -> Vector:
-    """Return the force on each arm along the vertical (2,) [N]; 0 without a sensor."""
-    force = bending.force_n[:, 2]
+def _along(bending: Wrench, axis: int) -> Vector:
+    """Return the force on each arm along an axis of its bending frame (2,) [N]; 0 without a sensor.
+
+    x leads from the arm to the sheet, z up.
+    """
+    force = bending.force_n[:, axis]
     return np.where(np.isnan(force), 0.0, force)
 
 

@@ -17,6 +17,9 @@ from dualbend.types import SIDES
 _PRESS_RATE_PER_S = 2.0
 """Rate at which the press on a sheet that is held up is corrected; the loop bears four times it."""
 
+_SLACK_RATE_PER_S = 5.0
+"""The same of the tension of a flat sheet, if arms were rigid; as they are not, it is far less."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
@@ -182,10 +185,37 @@ class Press(Step):
     def advance(self, state: State) -> bool:
         """Go up or down a little."""
         excess = state.support(SUPPORT_CYCLES) - self.force
-        if abs(excess) <= self.force / 3 or state.cycle * self.period_s > self.timeout_s:
+        at_the_end = abs(state.height) == self.most and excess * state.height > 0.0
+        waited = state.cycle * self.period_s
+        if abs(excess) <= self.force / 3 or at_the_end or waited > self.timeout_s:
             return False
         moved = state.height + _PRESS_RATE_PER_S * self.period_s * self.softness * excess
         state.height = min(max(moved, -self.most), self.most)
+        state.cycle += 1
+        return True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slacken(Step):
+    """Bring the arms together, or apart, until the flat sheet between them is without tension.
+
+    Arms do not know their distance to some tenths of a millimetre, and a flat sheet does not yield:
+    the arm that lets go last would pull it on its pins. ``softness`` [m/N] of a grip; ``most`` [m].
+    """
+
+    force: float
+    softness: float
+    most: float
+    timeout_s: float
+    period_s: float
+
+    def advance(self, state: State) -> bool:
+        """Go in or out a little."""
+        tension = state.mean(SUPPORT_CYCLES).tension
+        if abs(tension) <= self.force or state.cycle * self.period_s > self.timeout_s:
+            return False
+        moved = state.posture.retreat - _SLACK_RATE_PER_S * self.period_s * self.softness * tension
+        state.posture = replace(state.posture, retreat=min(max(moved, -self.most), self.most))
         state.cycle += 1
         return True
 

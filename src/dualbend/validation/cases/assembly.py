@@ -14,37 +14,29 @@ from dualbend.task.assembly.metrics import (
     OFFSET_BEYOND_CLEARANCE_M,
     RESTING_WITHIN_M,
     final_holes,
-    pin_table,
     seated,
 )
 from dualbend.task.assembly.run import AssemblyRun
 from dualbend.validation.cases.runs import metric
-from dualbend.validation.row import Row, absolute, at_least, at_most
+from dualbend.validation.row import Row, absolute, at_most
 
 SHEETS = {"pwb": 1, "pwb-misaligned": 1, "pwb-tight": 1, "pwb-stack": 3}
 SPACING_WITHIN_M = 0.05e-3
-HALVED = 0.5
 
 
 def assembly_rows() -> Iterator[Row]:
     """Check the shipped assemblies; takes a minute."""
     yield _refusal()
-    runs = {}
     for name, sheets in SHEETS.items():
-        runs[name] = result = AssemblyRun(load_scenario(name)).run()
-        yield from _seated(name, result, 4 * sheets)
-    yield from _rigid(AssemblyRun(load_scenario("pwb-rigid")).run(), runs["pwb-misaligned"])
+        yield from _seated(name, AssemblyRun(load_scenario(name)).run(), 4 * sheets)
+    yield from _rigid(AssemblyRun(load_scenario("pwb-rigid")).run())
 
 
-def _rigid(rigid: RunRecord, compliant: RunRecord) -> Iterator[Row]:
-    """Check that arms that do not yield seat no hole and are stopped by the force on a pin."""
-    yield absolute("pwb-rigid ends in failure", float(rigid.outcome == "failed"), 1.0, "1", 0.0)
+def _rigid(rigid: RunRecord) -> Iterator[Row]:
+    """Check that arms that do not yield find no pin where those that do find all."""
+    completed = float(rigid.outcome == "completed")
+    yield absolute("pwb-rigid does not complete", completed, 0.0, "1", 0.0)
     yield absolute("pwb-rigid: holes seated", float(seated(rigid).sum()), 0.0, "1", 0.0)
-    limit = assembly_of(rigid.scenario).limits.pin_force_n
-    yield at_least("pwb-rigid: peak force on a pin, above its limit", _peak_pin(rigid), limit, "N")
-    ratio = _peak_pin(compliant) / _peak_pin(rigid)
-    # Arms that do not comply are stopped at the limit of the force: what they would do is above it.
-    yield at_most("pwb-misaligned / pwb-rigid, peak force on a pin", ratio, HALVED, "1")
 
 
 def _refusal() -> Row:
@@ -71,7 +63,3 @@ def _seated(name: str, result: RunRecord, holes: int) -> Iterator[Row]:
     yield absolute(words, spacing, 0.0, "m", SPACING_WITHIN_M)
     strain = metric(result, "peak_surface_strain") / metric(result, "yield_strain")
     yield at_most(f"{name}: peak surface strain over yield", strain, 1.0, "1")
-
-
-def _peak_pin(result: RunRecord) -> float:
-    return max(float(row["peak_force_n"] or 0.0) for row in pin_table(result))
