@@ -11,8 +11,8 @@ bases, sheet, floor, bed, stand, pins and laid sheets all do, but for these pair
 * a gripper and a laid sheet: the next sheet's ends lie on it, and the jaws that let go of them
   would have to be thinner than the sheet. A real bed leaves the ends room;
 * the sheet with itself: its ends come together last, and their grippers touch before;
-* the sheet with bed, stand, pins and laid sheets: its task lays it on them, and its feet and the
-  rings around its holes touch them (:mod:`dualbend.scene.bed.mjcf`);
+* the sheet with bed, stand and laid sheets: its task lays it on them, and its feet touch them; pins
+  touch metal wherever it is (:mod:`dualbend.scene.bed.holes`);
 * a shell's edges, which the grippers hold; its other vertices touch what strips touch.
 """
 
@@ -29,7 +29,7 @@ from dualbend.types import SIDES
 
 ARM, RESTING, PINNING, GRIPPING, FLOOR, LINK, LAID = (1 << i for i in range(7))
 """Collision bits: arms with each other and what stands around them; as tasks intend, the sheet on
-what it lies on, a hole's edge on its pin, a jaw on the sheet; anything with the floor; the sheet
+what it lies on, the sheet on a pin, a jaw on the sheet; anything with the floor; the sheet
 with links; links with laid sheets."""
 
 _GRIPPERS: Final = dict(zip(SIDES, (1 << 7, 1 << 8), strict=True))
