@@ -246,11 +246,8 @@ class AssemblyProgram:
 
     def _middle_holes(self, layer: int) -> HolePair:
         """Tell a tip from the press on the bent sheet, whose middle either holds up."""
-        press_n, tip_n, held_up_m = (
-            self.press_force_n,
-            self.tip_force_n,
-            _HELD_UP * self.config.layout.pins.height_m,
-        )
+        press_n, tip_n = self.press_force_n, self.tip_force_n
+        held_up_m = _HELD_UP * self.config.layout.pins.height_m
         return HolePair(
             name="middle",
             coordinate="z",

@@ -27,7 +27,7 @@ class State:
     cycles in which a held up sheet was pressed on; ``seeking``: it is now. ``seen``: the last
     measurements; ``empty``, ``free``: their means with empty jaws, and with the bent sheet in the
     air; ``seated``: on the middle pins, the outer holes above theirs. ``height`` [m]: by how much
-    the arms stand higher than they know, as the press on the middle told. ``touch_from``: place
+    the arms are raised, since by the press on the middle they stand too low. ``touch_from``: place
     from which the sheet is moved towards a pin.
     """
 

@@ -266,15 +266,12 @@ class TouchPins(Step):
         return True
 
     def _said(self, moved: float, felt: float) -> str:
-        how, units, scale = (
-            ("along it", ("mm", "N"), 1e3),
-            ("across it", ("mm", "N"), 1e3),
-            ("by turning it", ("mrad", "N m"), 1e3),
-        )[self.axis]
+        how = ("along it", "across it", "by turning it")[self.axis]
+        way, push = ("mrad", "N m") if self.axis == 2 else ("mm", "N")
         return (
-            f"not all holes are on their pins: moving the sheet {how} by {scale * moved:.2f} "
-            f"{units[0]} is held with {felt:.2f} {units[1]}; pins would hold it with "
-            f"{self.force:.2f} {units[1]} within {scale * self.most:.2f} {units[0]}"
+            f"not all holes are on their pins: moving the sheet {how} by {1e3 * moved:.2f} {way} "
+            f"is held with {felt:.2f} {push}; pins would hold it with {self.force:.2f} {push} "
+            f"within {1e3 * self.most:.2f} {way}"
         )
 
 
