@@ -14,7 +14,7 @@ from dualbend.task.bending.run import BendingRun
 from support.strip import STRIP6
 
 KEY = "imperfections.sheet"
-SHORT = ("path.end_rad=0.2", "motion.hold_s=0.5", "sheet.model.hinges=10")
+SHORT = ("imperfections=none", "path.end_rad=0.2", "motion.hold_s=0.5", "sheet.model.hinges=10")
 BELIEVED = load_scenario("exact", SHORT).sheet.sheet()
 
 

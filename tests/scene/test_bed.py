@@ -332,6 +332,40 @@ def test_peaks_are_the_largest_since_they_were_read() -> None:
     np.testing.assert_allclose(scene.pins.peaks()[0], largest, rtol=1e-12)
 
 
+# --- steps that are divided -----------------------------------------------------------------------
+
+
+def parts_of(scene: Scene, height: float, speed: float) -> int:
+    """Ask into how many the next step is divided, this far above the tips and at this speed."""
+    scene.put(0.0, 0.0, scene.layout.pins.height_m + height)
+    scene.pins.peaks()
+    scene.put(0.0, 0.0, scene.layout.pins.height_m + height - speed * STEP_S)
+    return scene.pins.parts()
+
+
+@pytest.mark.parametrize(
+    ("speed", "parts"), [(-0.1, 1), (0.0, 1), (0.02, 1), (0.03, 2), (0.08, 4), (0.1, 8), (1.0, 8)]
+)
+def test_a_step_is_divided_by_how_fast_holes_come_down_to_their_tips(
+    speed: float, parts: int
+) -> None:
+    # Written out: 40 µm in each part, which is 23 mm/s undivided; a power of two, eight at most.
+    assert parts_of(Scene(ROUND), 2.0 * max(speed, 0.0) * STEP_S, speed) == parts
+
+
+@pytest.mark.parametrize("height", [20e-3, 4e-3, -3.9e-3])
+def test_a_step_is_not_divided_far_above_the_tips_nor_below_them(height: float) -> None:
+    assert parts_of(Scene(ROUND), height, 0.1) == 1
+
+
+def test_a_step_is_divided_where_the_sheet_lies_on_tips() -> None:
+    on_tips, in_place = fallen(ROUND, 3e-3, 0.0, 0.0), fallen(ROUND, 0.0, 0.0, 0.0)
+    for scene, parts in ((on_tips, 4), (in_place, 1)):
+        scene.pins.on_step()
+        scene.pins.peaks()
+        assert scene.pins.parts() == parts
+
+
 # --- one on another -----------------------------------------------------------------------------
 
 

@@ -482,6 +482,23 @@ def test_a_latency_of_a_whole_cycle_is_the_sample_of_the_cycle_before(bent: Cell
 # --- the model as a file ------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("parts", [2, 8])
+def test_a_divided_step_takes_as_long_and_leads_to_the_same_rest(
+    held: tuple[Simulation, Observation], bent: Cell, parts: int
+) -> None:
+    simulation, steps = bent.simulation(), list[float]()
+    simulation.parts = lambda: parts
+    simulation.on_step.append(lambda: steps.append(simulation.model.opt.timestep))
+    seen = bent.hold(simulation, 50)
+    # Exact: halves of halves.
+    assert steps == [0.00175 / parts] * (50 * 16 * parts)
+    assert simulation.model.opt.timestep == 0.00175
+    assert simulation.data.time == pytest.approx(50 * COMMAND_PERIOD_S, rel=1e-12)
+    # Of the order of a step: what is left of the motion after 1.4 s.
+    np.testing.assert_allclose(seen.q, held[1].q, atol=1e-5)
+    np.testing.assert_allclose(seen.wrench, held[1].wrench, atol=0.02)
+
+
 def test_no_warning_in_a_second(held: tuple[Simulation, Observation]) -> None:
     simulation, _ = held
     assert simulation.data.time > 1.0

@@ -45,6 +45,9 @@ LAYOUT = COMPLIANT.layout
 STIFFNESS = np.array([1.2e5, 8e4, 4e3])
 """Of a sheet on its pins, along x and y [N/m], in yaw [N m/rad]."""
 
+EULER_N = math.pi**2 * STRIP.bending_stiffness_nm2 / STRIP.length_m**2
+"""End force of a sheet that is bent a little."""
+
 FEW = msgspec.structs.replace(COMPLIANT, search=SearchConfig(attempts=4))
 
 
@@ -112,8 +115,10 @@ class World:
 
     def _tension(self, goal: Goal) -> float:
         """Stretch a flat sheet between grips that are farther apart than they know."""
-        if PHASES[goal.phase] != CHECK:
+        if goal.posture.opening > 0.0 or not 1 <= goal.phase <= PHASES.index(CHECK):
             return 0.0
+        if goal.posture.alpha > 0.0:
+            return -EULER_N
         rubber = GraspConfig().translational_stiffness_n_per_m
         return rubber * (goal.posture.retreat + self.apart_m)
 
@@ -211,8 +216,10 @@ def test_the_phases_end_at_the_waypoints() -> None:
             dataclasses.astuple(ends[phase]), dataclasses.astuple(named[phase]), atol=1e-12
         )
     flat = Posture(y=0.0, z=SEAT_Z)
+    # A mean over five cycles still has bent ones when the sheet is flat: half a micrometre.
+    away = away + ends["seat outer"].retreat
     np.testing.assert_allclose(
-        dataclasses.astuple(ends["seat outer"]), dataclasses.astuple(flat), atol=1e-12
+        dataclasses.astuple(ends["seat outer"]), dataclasses.astuple(flat), atol=1e-6
     )
     np.testing.assert_allclose(
         dataclasses.astuple(named["unfold"]), dataclasses.astuple(flat), atol=1e-12
@@ -530,11 +537,21 @@ def test_no_check_is_made_where_none_is_wanted() -> None:
 
 
 @pytest.mark.parametrize("apart_m", [-0.5e-3, 0.0, 0.3e-3])
-def test_a_sheet_is_let_go_without_tension(apart_m: float) -> None:
+def test_a_flat_sheet_is_carried_and_let_go_without_tension(apart_m: float) -> None:
     world = World(make(msgspec.structs.replace(COMPLIANT, timeout_s=5.0)), apart_m=apart_m)
-    last = attempts(play(world), "check seats")[0][-1]
-    # By design: one newton.
-    assert abs(world._tension(last)) <= 1.0
+    goals = play(world)
+    for phase in ("carry", CHECK):
+        # By design: one newton.
+        assert abs(world._tension(attempts(goals, phase)[0][-1])) <= 1.0
+
+
+def test_arms_do_not_yield_to_the_end_force_of_a_bent_sheet_nor_beyond_a_millimetre() -> None:
+    bent, torn = (World(make(), apart_m=apart_m) for apart_m in (0.0, 3e-3))
+    moved = [g.posture.retreat for g in play(bent) if 1 <= g.phase <= PHASES.index(CHECK)]
+    # As above: half a micrometre.
+    assert np.abs(moved).max() < 1e-6
+    # By design: a millimetre.
+    assert min(g.posture.retreat for g in play(torn)) == -1e-3
 
 
 @pytest.mark.parametrize("too_low_m", [-0.6e-3, -0.2e-3, 0.0, 0.2e-3, 0.6e-3])

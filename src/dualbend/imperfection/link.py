@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Annotated, Literal
@@ -79,10 +80,11 @@ class CommandLink:
         *,
         period_s: float,
     ) -> None:
-        self._ends = np.cumsum(joints)[:-1]
+        ends = itertools.accumulate(joints)
+        self._own = [slice(end - n, end) for end, n in zip(ends, joints, strict=True)]
         self._arms = [
-            _Arm(config, seed, side, own, period_s)
-            for side, own in zip(sides, np.split(start, self._ends), strict=True)
+            _Arm(config, seed, side, start[own], period_s)
+            for side, own in zip(sides, self._own, strict=True)
         ]
 
     def deliver(self, setpoint: Vector) -> Vector:
@@ -93,8 +95,9 @@ class CommandLink:
         ProtectiveStop
             An arm has been without a command for too long.
         """
-        own = np.split(setpoint, self._ends)
-        return np.concatenate([arm.deliver(q) for arm, q in zip(self._arms, own, strict=True)])
+        return np.concatenate(
+            [arm.deliver(setpoint[own]) for arm, own in zip(self._arms, self._own, strict=True)]
+        )
 
     @property
     def ages(self) -> list[int]:

@@ -180,16 +180,24 @@ class Stribeck:
     def __init__(
         self, config: RobotErrors, model: mujoco.MjModel, data: mujoco.MjData, dofs: Vector
     ) -> None:
-        self._model, self._data, self._dofs = model, data, dofs
-        self._coulomb = model.dof_frictionloss[dofs].copy()
-        self._excess = config.stiction_excess * self._coulomb
-        self._speed = config.stribeck_speed_rad_per_s
+        # The only Python of every physics step: in place, on views of one span of joints. What else
+        # lies in it keeps its friction.
+        span = slice(dofs.min(), dofs.max() + 1)
+        self._level, self._speed = model.dof_frictionloss[span], data.qvel[span]
+        self._coulomb, self._excess = self._level.copy(), np.zeros_like(self._level)
+        mine = dofs - span.start
+        self._excess[mine] = config.stiction_excess * self._coulomb[mine]
+        self._exponent = -1.0 / config.stribeck_speed_rad_per_s**2
 
     def rest(self) -> None:
         """Let all joints be at rest."""
-        self._model.dof_frictionloss[self._dofs] = self._coulomb + self._excess
+        self._level[:] = self._coulomb + self._excess
 
     def on_step(self) -> None:
         """Follow the speeds after a physics step."""
-        share = np.exp(-((self._data.qvel[self._dofs] / self._speed) ** 2))
-        self._model.dof_frictionloss[self._dofs] = self._coulomb + self._excess * share
+        level, speed = self._level, self._speed
+        np.multiply(speed, speed, out=level)
+        level *= self._exponent
+        np.exp(level, out=level)
+        level *= self._excess
+        level += self._coulomb

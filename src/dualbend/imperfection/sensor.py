@@ -120,11 +120,11 @@ class ErringSensor(Sensor):
     def read(self, wrench: Vector) -> tuple[Vector, Mask]:
         """Return the readings of wrenches in S [N, N m] and where they are clipped (..., 6)."""
         told = wrench.reshape(-1, 6)
-        told = np.stack([each.distort(one) for each, one in zip(self._each, told, strict=True)])
+        told = np.array([e.distort(one) for e, one in zip(self._each, told, strict=True)])
         reading, clipped = super().read(told.reshape(wrench.shape))
-        rows = zip(reading.reshape(-1, 6), clipped.reshape(-1, 6), strict=True)
-        arrived = [each.repeat(*row) for each, row in zip(self._each, rows, strict=True)]
-        self.arrived = np.reshape(arrived, wrench.shape[:-1])
+        rows = zip(self._each, reading.reshape(-1, 6), clipped.reshape(-1, 6), strict=True)
+        arrived = np.array([each.repeat(one, ends) for each, one, ends in rows])
+        self.arrived = arrived.reshape(wrench.shape[:-1])
         return reading, clipped
 
 

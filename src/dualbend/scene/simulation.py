@@ -102,6 +102,8 @@ class Simulation:
         self.contacts = UnintendedContacts(model, self.data)
         self.on_step: list[Callable[[], None]] = []
         """Called after every physics step, where once per cycle would miss a peak."""
+        self.parts: Callable[[], int] = lambda: 1
+        """Asked before every physics step into how many, a power of two, it is to be divided."""
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
         """Torques (n,) [N m] that the drives add, of joint angles and speeds (n,); None: the
         Coriolis torques of these arms, and any weight that they do not compensate by themselves."""
@@ -277,21 +279,28 @@ class Simulation:
         else:
             feed_forward = self.fed_forward(data.qpos[self._q], data.qvel[self.dofs])
         rows = setpoints + feed_forward / self._stiffness
-        sample = np.empty(0)
+        sample, whole_s = np.empty(0), model.opt.timestep
         for step in range(self.steps):
             data.ctrl[self._drives] = rows[step]
-            if step:
-                mujoco.mj_step(model, data)
-            else:
-                mujoco.mj_step2(model, data)
+            parts = self.parts()
+            model.opt.timestep = whole_s / parts
+            for part in range(parts):
+                if step or part:
+                    mujoco.mj_step(model, data)
+                else:
+                    mujoco.mj_step2(model, data)
+                self._after_step()
             if step == self._sample_step:
                 sample = self._sense()
-            if self.sliding is not None and self.sliding.near and self.sliding.slide():
-                self.displace_grasps(self._displaced)
-            self.contacts.on_step()
-            for act in self.on_step:
-                act()
+        model.opt.timestep = whole_s
         return _unpack(self._line.update(sample))
+
+    def _after_step(self) -> None:
+        if self.sliding is not None and self.sliding.near and self.sliding.slide():
+            self.displace_grasps(self._displaced)
+        self.contacts.on_step()
+        for act in self.on_step:
+            act()
 
     def _sense(self) -> Vector:
         data = self.data

@@ -86,7 +86,11 @@ def _origin(number: int, h: float) -> float:
 def without(plate: Rectangle, cut: Sequence[Rectangle]) -> Iterator[Rectangle]:
     """Yield rectangles that fill a plate but for what is cut out, slice by slice along x."""
     from_x, to_x, from_y, to_y = plate
-    cut = [one for one in cut if one[0] < to_x and one[1] > from_x]
+    cut = [
+        one
+        for one in cut
+        if one[0] < to_x and one[1] > from_x and one[2] < to_y and one[3] > from_y
+    ]
     edges = {x for one in cut for x in one[:2] if from_x < x < to_x}
     for x0, x1 in pairwise(sorted({from_x, to_x, *edges})):
         y = from_y

@@ -66,14 +66,21 @@ class Execution:
         if state.phase <= PHASES.index("lower"):
             # The next sheet, or the middle once more.
             state.height = 0.0
+        if state.phase == 0:
+            state.slack = 0.0
 
     def _goal(self, alpha_ratio: float | None) -> Goal:
-        state = self.state
+        state, slack = self.state, self.table[self.state.row].slack
+        if slack is not None:
+            slack.update(state)
         if alpha_ratio is not None:
             alpha_ratio = min(alpha_ratio, state.posture.alpha / self.bend_rad)
+        posture = state.posture
         return Goal(
             phase=state.phase,
-            posture=replace(state.posture, z=state.posture.z + state.height),
+            posture=replace(
+                posture, z=posture.z + state.height, retreat=posture.retreat + state.slack
+            ),
             alpha_ratio=alpha_ratio,
             seeking=state.seeking,
             attempt=state.attempt,

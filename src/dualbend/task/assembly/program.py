@@ -32,6 +32,7 @@ from dualbend.task.assembly.steps import (
     MoveDown,
     Phase,
     Press,
+    Slack,
     Slacken,
     Step,
     TouchPins,
@@ -48,7 +49,7 @@ _ARMS_OFF_M = 1e-3
 """By how much arms may stand higher, lower, nearer or farther than they know."""
 
 _SLACK_N = 1.0
-"""Tension of a flat sheet that is let go."""
+"""Tension of a flat sheet that is let be."""
 
 _HELD_UP = 0.25
 """Share of a pin's height: what is held up by more is not on its pins.
@@ -148,19 +149,26 @@ class AssemblyProgram:
         closed = wait(quantity=State.jaw_travel, below=0.1 * t, otherwise=rest)
         opened = wait(quantity=State.jaw_gap, above=1.6 * start.opening, otherwise=gap)
         middle, outer = self._middle_holes(layer), self._outer_holes()
-        touch = self._unfold_to_touch(layer)
+        touch, slack = self._unfold_to_touch(layer), self._slack()
+        slacken = (
+            [Slacken(slack=slack, timeout_s=config.timeout_s, alpha_ratio=0.0)] if slack else []
+        )
         return [
             Phase("approach", [*back, move(retreat=0.0), settle(), Measure("empty")]),
             Phase("grasp", [move(opening=0.0), closed, CheckGrasp(t)]),
-            Phase("lift", [move(z=start.z + config.lift_m), settle(), CheckWeight(weight)]),
-            Phase("carry", [move(y=0.0, z=over), settle()]),
+            Phase(
+                "lift",
+                [move(z=start.z + config.lift_m), settle(), CheckWeight(weight)],
+                slack=slack,
+            ),
+            Phase("carry", [move(y=0.0, z=over), settle()], slack=slack),
             Phase("bend", [move(pace=slow, alpha=self.bend_rad), settle(), Measure("free")]),
             Phase("lower", self._lower(layer, middle, settle())),
             Phase("seat middle", [settle(alpha_ratio=1.0), *self._press(middle)], middle),
             Phase("unfold", [touch, settle(alpha_ratio=1.0), Measure("seated")]),
-            Phase("lower outer", self._lower_outer(layer, touch, outer)),
-            Phase("seat outer", [settle(alpha_ratio=0.0)], outer),
-            Phase(CHECK, [*self._check_seats(), *self._slacken()]),
+            Phase("lower outer", self._lower_outer(layer, touch, outer), slack=slack),
+            Phase("seat outer", [settle(alpha_ratio=0.0)], outer, slack),
+            Phase(CHECK, [*self._check_seats(), *slacken], slack=slack),
             Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
         ]
@@ -211,16 +219,20 @@ class AssemblyProgram:
                 alpha_ratio=1.0,
             )
 
-    def _slacken(self) -> Iterator[Slacken]:
-        if self.config.compliance is not None:
-            yield Slacken(
-                force=_SLACK_N,
-                softness=2.0 / float(self.rubber[0]),
-                most=_ARMS_OFF_M,
-                timeout_s=self.config.timeout_s,
-                period_s=self.pace.period_s,
-                alpha_ratio=0.0,
-            )
+    def _slack(self) -> Slack | None:
+        """Return what takes the tension off a flat sheet; arms that do not comply just go."""
+        sheet = self.sheet
+        if self.config.compliance is None:
+            return None
+        return Slack(
+            force=_SLACK_N,
+            buckling_n=math.pi**2 * sheet.bending_stiffness_nm2 / sheet.length_m**2,
+            softness=2.0 / float(self.rubber[0]),
+            most=_ARMS_OFF_M,
+            # There the ends are nearer by L α²/4 than those of a flat sheet.
+            flat_rad=2.0 * math.sqrt(_ARMS_OFF_M / sheet.length_m),
+            period_s=self.pace.period_s,
+        )
 
     def _check_seats(self) -> Sequence[Step]:
         """Move the sheet from pin to pin, along, across and turning about the vertical.

@@ -151,6 +151,7 @@ class AssemblyRun(Run):
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
         simulation.on_step.append(self.on_step)
+        simulation.parts = self.pins.parts
         if self.config.compliance is not None:
             self.stiffness = self._stiffness(cell)
             self._mobility = self._rate(self.config.compliance) / self.stiffness

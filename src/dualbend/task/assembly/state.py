@@ -27,8 +27,9 @@ class State:
     cycles in which a held up sheet was pressed on; ``seeking``: it is now. ``seen``: the last
     measurements; ``empty``, ``free``: their means with empty jaws, and with the bent sheet in the
     air; ``seated``: on the middle pins, the outer holes above theirs. ``height`` [m]: by how much
-    the arms are raised, since by the press on the middle they stand too low. ``touch_from``: place
-    from which the sheet is moved towards a pin.
+    the arms are raised, since by the press on the middle they stand too low; ``slack`` [m]: by how
+    much farther out each is, since the flat sheet was pushed. ``touch_from``: place from which the
+    sheet is moved towards a pin.
     """
 
     posture: Posture
@@ -46,6 +47,7 @@ class State:
     free: Sensed | None = None
     seated: Sensed | None = None
     height: float = 0.0
+    slack: float = 0.0
     touch_from: Vector | None = None
 
     @property

@@ -197,25 +197,19 @@ class Press(Step):
 
 @dataclass(frozen=True, kw_only=True)
 class Slacken(Step):
-    """Bring the arms together, or apart, until the flat sheet between them is without tension.
+    """Wait until the flat sheet between the arms is without tension; `Slack` moves them.
 
-    Arms do not know their distance to some tenths of a millimetre, and a flat sheet does not yield:
-    the arm that lets go last would pull it on its pins. ``softness`` [m/N] of a grip; ``most`` [m].
+    The arm that lets go last would pull it on its pins.
     """
 
-    force: float
-    softness: float
-    most: float
+    slack: Slack
     timeout_s: float
-    period_s: float
 
     def advance(self, state: State) -> bool:
-        """Go in or out a little."""
-        tension = state.mean(SUPPORT_CYCLES).tension
-        if abs(tension) <= self.force or state.cycle * self.period_s > self.timeout_s:
+        """Wait for another cycle."""
+        waited = state.cycle * self.slack.period_s
+        if abs(self.slack.excess(state)) == 0.0 or waited > self.timeout_s:
             return False
-        moved = state.posture.retreat - _SLACK_RATE_PER_S * self.period_s * self.softness * tension
-        state.posture = replace(state.posture, retreat=min(max(moved, -self.most), self.most))
         state.cycle += 1
         return True
 
@@ -324,10 +318,44 @@ class CheckWeight(Step):
         return False
 
 
+@dataclass(frozen=True, kw_only=True)
+class Slack:
+    """What keeps a sheet that is all but flat between two arms without tension.
+
+    Arms do not know their distance to some tenths of a millimetre, a flat sheet does not yield, and
+    integral action of the servos goes on until it does. ``force`` [N]: of tension that is let be;
+    ``buckling_n``: end force of a sheet that is bent a little. Beyond them the arms come together,
+    or go apart, by ``most`` [m] at most. ``softness`` [m/N] of both grips. Bent beyond ``flat_rad``
+    a sheet takes up what arms are off.
+    """
+
+    force: float
+    buckling_n: float
+    softness: float
+    most: float
+    flat_rad: float
+    period_s: float
+
+    def excess(self, state: State) -> float:
+        """Return the tension beyond what is let be [N]."""
+        tension, alpha = state.mean(SUPPORT_CYCLES).tension, state.posture.alpha
+        lowest = -self.force - (self.buckling_n if alpha else 0.0)
+        return 0.0 if alpha > self.flat_rad else tension - min(max(tension, lowest), self.force)
+
+    def update(self, state: State) -> None:
+        """Go in or out a little."""
+        step = _SLACK_RATE_PER_S * self.period_s * self.softness * self.excess(state)
+        state.slack = min(max(state.slack - step, -self.most), self.most)
+
+
 @dataclass(frozen=True)
 class Phase:
-    """A phase of the program; where ``holes`` are not on their pins at its end, back by one."""
+    """A phase of the program; where ``holes`` are not on their pins at its end, back by one.
+
+    ``slack``: acts in all its steps.
+    """
 
     name: str
     steps: Sequence[Step]
     holes: HolePair | None = None
+    slack: Slack | None = None

@@ -58,6 +58,8 @@ class BendingRun(PlanarRun):
         if self.scenario.imperfections.robot.displaces:
             taken = simulation.grasps()
         self._errors = errors_over_time(taken, self._imposed, self.motion)
+        self._changes = np.ones(len(self._errors), dtype=np.bool_)
+        self._changes[1:] = np.any(self._errors[1:] != self._errors[:-1], axis=(1, 2))
         simulation.displace_grasps(self._errors[0])
         return super().start()
 
@@ -66,4 +68,5 @@ class BendingRun(PlanarRun):
         if self._imposed is not None:
             simulation = self.cell.simulation
             self.trace.record_task(simulation.roll_and_yaw().ravel().tolist())
-            simulation.displace_grasps(self._errors[cycle])
+            if self._changes[cycle]:
+                simulation.displace_grasps(self._errors[cycle])

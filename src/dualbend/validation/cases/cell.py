@@ -15,10 +15,10 @@ from dualbend.control.response import CommandResponseConfig
 from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.mechanics.jacobian import PLANE, site_jacobian
 from dualbend.run.cell import RobotCell
-from dualbend.scenario.load import load_scenario
 from dualbend.scene.simulation import Observation
 from dualbend.types import SIDES, Vector
 from dualbend.validation.handbook import STRIP
+from dualbend.validation.perfect import perfect_scenario
 from dualbend.validation.row import Row, of_property, relative
 
 DIRECTIONS = (("x", 0.01, "N/m"), ("z", 0.01, "N/m"), ("alpha", 0.05, "N m/rad"))
@@ -48,7 +48,7 @@ class HeldCell:
     def __init__(
         self, alpha_rad: float, settings: Sequence[str] = (), *, dry_friction: bool = True
     ) -> None:
-        self.scenario = scenario = load_scenario("exact", settings)
+        self.scenario = scenario = perfect_scenario("exact", settings)
         length, height = scenario.sheet.length_m, scenario.cell.sheet_height_m
         x, rise = elastica.half_distance(alpha_rad, length), elastica.rise(alpha_rad, length)
         self.pose = np.array([-x, height + rise, alpha_rad])

@@ -22,13 +22,13 @@ from dualbend.beam.rod.plastic import solve_plastic
 from dualbend.beam.sheet import Sheet
 from dualbend.run.permanent_set import permanent_curvature
 from dualbend.run.record import RunRecord
-from dualbend.scenario.load import load_scenario
 from dualbend.scenario.motion import PHASES
 from dualbend.scene.sheet.strips import StripConfig, bend_joint
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Vector
 from dualbend.validation.cases.ideal_grips import gripped_strips, place_grips
 from dualbend.validation.cases.sheet import reference_loads, settled_loads
+from dualbend.validation.perfect import perfect_scenario
 from dualbend.validation.row import Row, relative
 
 SCENARIO = "springback"
@@ -143,7 +143,7 @@ def let_go(run: BendingRun) -> Vector:
 
 def run_springback() -> tuple[BendingRun, RunRecord]:
     """Run the shipped scenario of a sheet that yields."""
-    run = BendingRun(load_scenario(SCENARIO))
+    run = BendingRun(perfect_scenario(SCENARIO))
     return run, run.run()
 
 

@@ -20,6 +20,7 @@ from dualbend.stability.prediction import predict
 from dualbend.task.bending import BENDING
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Side, Vector
+from dualbend.validation.perfect import PERFECT, perfect_scenario
 from dualbend.validation.row import Row, absolute, at_least, at_most, relative
 
 IK_LIMIT = 1e-5
@@ -27,9 +28,6 @@ IK_LIMIT = 1e-5
 
 LINEAR = ("path.kind=piecewise", "path.interval_rad=0.2", "path.end_rad=1.0")
 """Makes the path of ``exact`` that of ``fig6``, on its own sheet."""
-
-PERFECT = ("imperfections=none",)
-"""What a comparison with theory asks of the cell."""
 
 FROM_REST = (
     *("path.start_rad=0.19", "path.end_rad=0.21", "compliance=admittance"),
@@ -114,7 +112,7 @@ def moment_rows(linear: RunRecord | None = None) -> Iterator[Row]:
     the strips alone differ; at the grippers' poses the pads' compliance is in between, which the
     rod does not know.
     """
-    linear = linear or BendingRun(load_scenario("exact", LINEAR)).run()
+    linear = linear or BendingRun(perfect_scenario("exact", LINEAR)).run()
     bending = np.flatnonzero(bending_rows(linear))
     moment = linear.trace["left_true_moment_y"]
     name = "linear pieces, moment error / first peak, at {} poses"
@@ -194,7 +192,7 @@ def growth_rows(share: float = 0.05) -> Iterator[Row]:
     those at the ends of the bend; 20 %: a tenth is the error that a measured rate may have, a tenth
     that the eigenvalue at either end is from the mean.
     """
-    scenario = load_scenario("exact", (*FROM_REST, *paper_gains(share)))
+    scenario = perfect_scenario("exact", (*FROM_REST, *paper_gains(share)))
     run, modes = BendingRun(scenario).run(), predict(scenario).rows
     rate = float(np.mean([mode.growth_per_s for mode in modes]))
     frequency = float(np.mean([mode.frequency_hz for mode in modes]))

@@ -18,7 +18,6 @@ from dualbend.beam.rod.space import RodStiffness, SpaceGrip, SpaceState, solve_s
 from dualbend.beam.sheet import Sheet
 from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.run.record import RunRecord
-from dualbend.scenario.load import load_scenario
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
 from dualbend.task.bending.config import misalignment_of
 from dualbend.task.bending.run import BendingRun
@@ -31,6 +30,7 @@ from dualbend.validation.cases.ideal_grips import (
 )
 from dualbend.validation.cases.runs import LINEAR
 from dualbend.validation.cases.sheet import default_sheet
+from dualbend.validation.perfect import perfect_scenario
 from dualbend.validation.row import Row, relative, worst
 
 ROLL_RAD, LATERAL_M, YAW_RAD = 0.02, 0.5e-3, 2e-3
@@ -112,7 +112,7 @@ def twist_rows() -> Iterator[Row]:
 def misaligned_run(*settings: str) -> RunRecord:
     """Bend the sheet of ``exact`` on linear pieces, with errors of the right grip."""
     changes = [f"task.misalignment.right.{setting}" for setting in settings]
-    return BendingRun(load_scenario("exact", [*LINEAR, *changes])).run()
+    return BendingRun(perfect_scenario("exact", [*LINEAR, *changes])).run()
 
 
 def edge_grips(result: RunRecord, row: int, place: str = "edge") -> tuple[SpaceGrip, SpaceGrip]:

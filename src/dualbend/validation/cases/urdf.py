@@ -11,12 +11,12 @@ from dualbend.arm.catalog import ArmName, arm_name
 from dualbend.arm.joint_limits import joint_limit_margins
 from dualbend.arm.model import PUMA, arm_model
 from dualbend.arm.placement import MIN_MARGIN_RAD
-from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun
 from dualbend.validation.cases import properties
 from dualbend.validation.cases.arm import difference_rows, table_rows
 from dualbend.validation.cases.cell import response_rows, stiffness_rows
 from dualbend.validation.cases.runs import LINEAR, ik_rows, moment_error, paper_gains
+from dualbend.validation.perfect import perfect_scenario
 from dualbend.validation.row import Row, absolute, at_least
 from dualbend.validation.urdf import equations_of
 
@@ -51,7 +51,7 @@ def arm_rows(name: str) -> Iterator[Row]:
     settings = (f'robot.model="{arm}"',)
     # What refuses the arm comes first.
     ready = {
-        name: BendingRun(load_scenario("exact", (*settings, *changes)))
+        name: BendingRun(perfect_scenario("exact", (*settings, *changes)))
         for name, changes in EXPERIMENTS.items()
     }
     yield from table_rows() if arm == PUMA else model_rows(arm)
