@@ -54,6 +54,7 @@ class Posture:
 class Goal:
     """Nominal posture of one cycle, with the compliance that is wanted in it.
 
+    ``levels`` (2,) [m]: by how much each arm is to be higher than the posture says.
     ``phase``: index into `PHASES`. ``alpha_ratio``: bending angle, over that at which the sheet is
     laid, for which the compliance is scheduled; None: no compliance. ``seeking``: the sheet lies on
     the tips of pins, whose flanks it feels, not their sides. ``attempt``: counted from 0.
@@ -61,6 +62,7 @@ class Goal:
 
     phase: int
     posture: Posture
+    levels: Vector
     alpha_ratio: float | None = None
     seeking: bool = False
     attempt: int = 0

@@ -27,6 +27,7 @@ from dualbend.task.assembly.steps import (
     CheckGrasp,
     CheckWeight,
     HolePair,
+    Level,
     Measure,
     Move,
     MoveDown,
@@ -47,6 +48,9 @@ _CHECK_M_PER_S, _SEEN_LATE_S, _STUCK_M = 3e-4, 0.3, 2e-3
 
 _ARMS_OFF_M = 1e-3
 """By how much arms may stand higher, lower, nearer or farther than they know."""
+
+_PATIENCE_S, _PROGRESS_M = 2.5, 0.1e-3
+"""An end that does not come down by that much for so long lies flat, or on its pin's tip."""
 
 _SLACK_N = 1.0
 """Tension of a flat sheet that is let be."""
@@ -167,7 +171,7 @@ class AssemblyProgram:
             Phase("seat middle", [settle(alpha_ratio=1.0), *self._press(middle)], middle),
             Phase("unfold", [touch, settle(alpha_ratio=1.0), Measure("seated")]),
             Phase("lower outer", self._lower_outer(layer, touch, outer), slack=slack),
-            Phase("seat outer", [settle(alpha_ratio=0.0)], outer, slack),
+            Phase("seat outer", [settle(alpha_ratio=0.0), *self._level(outer)], outer, slack),
             Phase(CHECK, [*self._check_seats(), *slacken], slack=slack),
             Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
@@ -217,6 +221,19 @@ class AssemblyProgram:
                 timeout_s=self.config.timeout_s,
                 period_s=self.pace.period_s,
                 alpha_ratio=1.0,
+            )
+
+    def _level(self, holes: HolePair) -> Iterator[Level]:
+        if self.config.compliance is not None:
+            overhang = 0.5 * self.sheet.length_m - self.config.layout.holes.outer.along_m
+            yield Level(
+                force=0.5 * holes.touch_n,
+                # Of a beam from the outer hole to the grip, whose slopes stay.
+                softness=overhang**3 / (12.0 * self.sheet.bending_stiffness_nm2),
+                most=_ARMS_OFF_M,
+                timeout_s=self.config.timeout_s,
+                period_s=self.pace.period_s,
+                alpha_ratio=0.0,
             )
 
     def _slack(self) -> Slack | None:
@@ -288,6 +305,8 @@ class AssemblyProgram:
             short=_HELD_UP * self.touch_rad,
             # A grip rises by L/π for each radian.
             softness=math.pi / (stiffness * sheet.length_m),
+            patience_s=_PATIENCE_S,
+            progress=math.pi / sheet.length_m * _PROGRESS_M,
             attempts=1 + self.config.search.attempts,
         )
 

@@ -296,7 +296,7 @@ class AssemblyRun(Run):
         deviation = self._comply(goal, net)
         self._note(goal, laid, deviation, net)
         moved = place + self._delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
-        nominal = PlanarPose(np.array([[x, rise, alpha]] * len(SIDES)))
+        nominal = PlanarPose(np.array([[x, rise + up, alpha] for up in goal.levels]))
         observed, command = self.control(seen, PHASES[goal.phase], nominal, reading)
         self.grippers.drive(goal.posture.opening)
         targets = carried_targets(command.pose.coordinates, moved)

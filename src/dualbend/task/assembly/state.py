@@ -24,12 +24,13 @@ class State:
 
     ``row``: phase, counted through all sheets; ``step`` of it; ``attempt``. ``cycle``: cycles spent
     in the step, of at most ``cycles``. ``begin``, ``end``: of the present motion. ``pressed``:
-    cycles in which a held up sheet was pressed on; ``seeking``: it is now. ``seen``: the last
-    measurements; ``empty``, ``free``: their means with empty jaws, and with the bent sheet in the
-    air; ``seated``: on the middle pins, the outer holes above theirs. ``height`` [m]: by how much
-    the arms are raised, since by the press on the middle they stand too low; ``slack`` [m]: by how
-    much farther out each is, since the flat sheet was pushed. ``touch_from``: place from which the
-    sheet is moved towards a pin.
+    cycles in which a held up sheet was pressed on, ``still`` of them since it was at ``lowest``;
+    ``seeking``: it is now. ``seen``: the last measurements; ``empty``, ``free``: their means with
+    empty jaws, and with the bent sheet in the air; ``seated``: on the middle pins, the outer holes
+    above theirs. ``height`` [m]: by how much the arms are raised, since by the press on the middle
+    they stand too low; ``slack`` [m]: by how much farther out each is, since the flat sheet was
+    pushed; ``levels`` (2,) [m]: by how much each is higher, since its end was held up.
+    ``touch_from``: place from which the sheet is moved towards a pin.
     """
 
     posture: Posture
@@ -41,6 +42,8 @@ class State:
     begin: Posture
     end: Posture
     pressed: int = 0
+    still: int = 0
+    lowest: float = 0.0
     seeking: bool = False
     seen: deque[Sensed] = field(default_factory=lambda: deque(maxlen=MEAN_CYCLES))
     empty: Sensed | None = None
@@ -48,6 +51,7 @@ class State:
     seated: Sensed | None = None
     height: float = 0.0
     slack: float = 0.0
+    levels: Vector = field(default_factory=lambda: np.zeros(2))
     touch_from: Vector | None = None
 
     @property
@@ -93,8 +97,12 @@ class State:
 
     def end_support(self, cycles: int) -> float:
         """Return what holds an arm up besides the middle pins, the larger one of both [N]."""
+        return float(self.ends_held_up(cycles).max())
+
+    def ends_held_up(self, cycles: int) -> Vector:
+        """Return what holds each arm up besides the middle pins (2,) [N]."""
         assert self.seated is not None
-        return float((self.mean(cycles).vertical - self.seated.vertical).max())
+        return self.mean(cycles).vertical - self.seated.vertical
 
     def grip_error(self) -> float:
         """Return the distance of the grips from where they were sent [m]."""

@@ -10,12 +10,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from dualbend.task.assembly.motions import Pace, interpolate
 from dualbend.task.assembly.state import MEAN_CYCLES, SUPPORT_CYCLES, State
 from dualbend.types import SIDES
 
 _PRESS_RATE_PER_S = 2.0
 """Rate at which the press on a sheet that is held up is corrected; the loop bears four times it."""
+
+_LEVEL_RATE_PER_S = 1.0
+"""The same of what holds up each end of a flat sheet, which may be shorter and stiffer."""
 
 _SLACK_RATE_PER_S = 5.0
 """The same of the tension of a flat sheet, if arms were rigid; as they are not, it is far less."""
@@ -67,6 +72,7 @@ class HolePair:
     ``coordinate`` of the posture falls to ``target``; ``support`` tells the force [N]. Above
     ``touch_n`` it stops the motion; above ``missed_n``, or where the motion ended ``short`` of its
     target, the holes are not on their pins. ``softness``: motion per force [m/N] or [rad/N].
+    Pressed for ``patience_s`` without ``progress``, they come no further.
     """
 
     name: Literal["middle", "outer"]
@@ -78,6 +84,8 @@ class HolePair:
     short: float
     softness: float
     attempts: int
+    patience_s: float = math.inf
+    progress: float = 0.0
 
     def value(self, state: State) -> float:
         """Return the present value of the coordinate."""
@@ -119,6 +127,7 @@ class MoveDown(Move):
         """Go on, press or end, by the force that holds the sheet up."""
         holes, value = self.holes, self.holes.value(state)
         if state.cycle == 0:
+            state.lowest, state.still = value, 0
             return self.bottom < value <= self.top and super().advance(state)
         support = holes.support(state, SUPPORT_CYCLES)
         if not state.seeking and support <= holes.touch_n and state.go_on():
@@ -129,14 +138,17 @@ class MoveDown(Move):
         if support <= 0.3 * holes.touch_n:
             state.cycle = 0
             return super().advance(state)
-        if state.pressed * self.pace.period_s > self.timeout_s:
+        if value < state.lowest - holes.progress:
+            state.lowest, state.still = value, 0
+        period_s = self.pace.period_s
+        if state.pressed * period_s > self.timeout_s or state.still * period_s > holes.patience_s:
             return False
         # Up or down a little, to reduce the excess of force.
         excess_n = support - 0.8 * holes.touch_n
         back = _PRESS_RATE_PER_S * self.pace.period_s * holes.softness * excess_n
         pressed = {holes.coordinate: max(value + back, self.bottom)}
         state.posture = replace(state.posture, **pressed)
-        state.pressed, state.seeking = state.pressed + 1, True
+        state.pressed, state.still, state.seeking = state.pressed + 1, state.still + 1, True
         return True
 
 
@@ -191,6 +203,34 @@ class Press(Step):
             return False
         moved = state.height + _PRESS_RATE_PER_S * self.period_s * self.softness * excess
         state.height = min(max(moved, -self.most), self.most)
+        state.cycle += 1
+        return True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Level(Step):
+    """Raise or lower each arm by itself until the flat sheet's end neither carries nor pulls it.
+
+    An arm that stands 0.3 mm too low is held up by the end of a flat sheet as much as by one that
+    lies on a tip; raised by ``most`` [m], it is not any more, but the other one still is. Goes on
+    until what holds an arm up is within ``force`` [N], or for ``timeout_s``; ``softness`` [m/N].
+    """
+
+    force: float
+    softness: float
+    most: float
+    timeout_s: float
+    period_s: float
+
+    def advance(self, state: State) -> bool:
+        """Raise or lower them a little."""
+        excess, levels = state.ends_held_up(SUPPORT_CYCLES), state.levels
+        at_the_end = (np.abs(levels) == self.most) & (excess * levels > 0.0)
+        off = (np.abs(excess) > self.force) & ~at_the_end
+        if not off.any() or state.cycle * self.period_s > self.timeout_s:
+            return False
+        moved = levels + _LEVEL_RATE_PER_S * self.period_s * self.softness * excess * off
+        state.levels = np.clip(moved, -self.most, self.most)
         state.cycle += 1
         return True
 
