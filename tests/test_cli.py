@@ -80,7 +80,6 @@ def test_summary_is_strict_json(folder: Path) -> None:
         (["beam", "--length", "0.6", "--width", "0.1", "--thickness", "-1", "--young", "7e10",
           "--alpha", "0.2"], ["thickness", "-1"]),
         (["stability", "tuned", "--validate"], ["--validate", "tuned", "beyond the paper"]),
-        (["stability", "fig9", "--confront"], ["--confront is --validate now"]),
         (["stability", "fig8", "--map", "m.png", "--map-b", "10", "1"], ["--map-b", "10", "1"]),
         (["stability", "fig8", "--map", "m.png", "--map-k", "-1", "1"], ["--map-k", "-1"]),
         (["run", "fig8", "--set", "compliance.x.k=-575"], ["compliance.x.k", "-575", "> 0"]),

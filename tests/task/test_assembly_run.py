@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 OFF = ("task.errors.pickup_x_m=0.012",)
 """Beyond the jaws: this run ends within some 100 cycles."""
 FRAGILE = ("task.limits.pin_force_n=0.2",)
+PERFECT = "imperfections=none"
 
 
 @cache
@@ -59,7 +60,7 @@ def test_the_shipped_sheet_is_laid_through_all_phases_at_the_first_attempt() -> 
 
 def test_seated_is_what_the_last_state_says() -> None:
     """The default holes are at the centres of four strips, whose plates are found by mj_forward."""
-    result = run("pwb")
+    result = run("pwb", PERFECT)
     model, data = result.model, mujoco.MjData(result.model)
     data.qpos[:] = result.trace.qpos[-1]
     mujoco.mj_forward(model, data)
@@ -148,7 +149,7 @@ def test_the_laid_sheet_is_free_and_carries_no_load() -> None:
 
 
 def test_what_the_arms_feel_of_the_air_borne_sheet_is_its_weight() -> None:
-    trace, sheet = run("pwb").trace, run("pwb").scenario.sheet.sheet()
+    trace, sheet = run("pwb", PERFECT).trace, run("pwb").scenario.sheet.sheet()
     weight = sheet.mass_kg * 9.81
     for phase in ("lift", "carry", "bend"):
         last = np.flatnonzero(trace["phase"] == PHASES.index(phase))[-15:]
@@ -223,7 +224,7 @@ def test_a_second_run_of_the_same_object_begins_anew() -> None:
 
 @cache
 def prepared() -> AssemblyRun:
-    return AssemblyRun(load_scenario("pwb"))
+    return AssemblyRun(load_scenario("pwb", [PERFECT]))
 
 
 def held(bend: float) -> tuple[RobotCell, Array, float, float]:

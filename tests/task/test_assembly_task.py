@@ -42,6 +42,9 @@ STAND_Z = COMPLIANT.layout.stand.top_m + T / 2
 SEAT_Z = COMPLIANT.layout.bed.top_m + T / 2
 HEIGHT = COMPLIANT.layout.pins.height_m
 LAYOUT = COMPLIANT.layout
+END_STIFFNESS = 12.0 * STRIP.bending_stiffness_nm2 / (0.5 * STRIP.length_m - 0.16) ** 3
+"""Of a flat sheet from the bed's edge to a grip, whose slopes stay [N/m]."""
+
 STIFFNESS = np.array([1.2e5, 8e4, 4e3])
 """Of a sheet on its pins, along x and y [N/m], in yaw [N m/rad]."""
 
@@ -79,6 +82,7 @@ class World:
     arm_m: float = 0.14
     too_low_m: float = 0.0
     apart_m: float = 0.0
+    ends_too_low_m: tuple[float, float] = (0.0, 0.0)
     error_m: float = 0.0
     jaws_open: bool = True
     goals: list[Goal] = field(default_factory=list)
@@ -101,6 +105,8 @@ class World:
         if posture.alpha > 0.0 or goal.phase >= PHASES.index("unfold"):
             vertical += 0.5 * self._middle(posture, seat)
             vertical += self._outer(goal)
+        if goal.phase >= PHASES.index("unfold") and posture.alpha == 0.0:
+            vertical += END_STIFFNESS * (np.array(self.ends_too_low_m) - goal.levels)
         x, y, turn = self._by_pins(goal)
         net = np.array([x, y, vertical.sum(), turn])
         place = np.array([posture.x, posture.y, posture.yaw])
@@ -552,6 +558,26 @@ def test_arms_do_not_yield_to_the_end_force_of_a_bent_sheet_nor_beyond_a_millime
     assert np.abs(moved).max() < 1e-6
     # By design: a millimetre.
     assert min(g.posture.retreat for g in play(torn)) == -1e-3
+
+
+@pytest.mark.parametrize("too_low_m", [(0.3e-3, 0.0), (-0.2e-3, 0.5e-3), (0.0, 0.0)])
+def test_each_arm_finds_the_height_at_which_the_end_of_a_flat_sheet_is_not_held_up(
+    too_low_m: tuple[float, float],
+) -> None:
+    world = World(make(msgspec.structs.replace(COMPLIANT, timeout_s=5.0)), ends_too_low_m=too_low_m)
+    goals = play(world)
+    assert len(attempts(goals, "seat outer")) == 1
+    levels = np.array(attempts(goals, CHECK)[0][0].levels)
+    # By design: half of the force that tells of a contact, by a mean that is two cycles behind.
+    off = END_STIFFNESS * np.abs(np.array(too_low_m) - levels)
+    assert (off <= 0.53 * world.program._outer_holes().touch_n).all()
+
+
+def test_an_end_on_a_tip_is_not_raised_off_it() -> None:
+    world = World(make(), outer_at=lambda _: False, ends_too_low_m=(0.3e-3, 0.3e-3))
+    assert "the outer holes did not find their pins in 7 attempts" in stopped(world)
+    # By design: a millimetre.
+    assert max(max(goal.levels) for goal in world.goals) == 1e-3
 
 
 @pytest.mark.parametrize("too_low_m", [-0.6e-3, -0.2e-3, 0.0, 0.2e-3, 0.6e-3])

@@ -25,7 +25,7 @@ from dualbend.task.assembly.metrics import (
 from dualbend.task.assembly.run import TASK_COLUMNS
 from support.rows import written_run
 
-PWB, STACK = load_scenario("pwb"), load_scenario("pwb-stack")
+PWB, STACK = (load_scenario(name, ["imperfections=none"]) for name in ("pwb", "pwb-stack"))
 CLEARANCE_M = assembly_of(PWB).layout.holes.clearance_m
 THICKNESS_M = PWB.sheet.thickness_m
 SEATED = np.zeros((4, 3))

@@ -65,7 +65,6 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Validate against simulation: find the onset of oscillation; takes minutes.",
 )
-@click.option("--confront", "renamed", is_flag=True, hidden=True, help="Now --validate.")
 @click.option(
     "--out",
     type=PATH,
@@ -88,7 +87,6 @@ def stability(
     map_k: tuple[float, float],
     as_json: bool,
     validated: bool,
-    renamed: bool,
     out: Path | None,
     workers: int | None,
     draw: tuple[int, int] | None,
@@ -101,8 +99,6 @@ def stability(
     """
     from dualbend.stability.prediction import predict
 
-    if renamed:
-        raise InputError("--confront is --validate now")
     loaded = load(scenario, settings)
     if validated:
         folder = out or Path("runs") / f"{loaded.name}-onset"

@@ -137,6 +137,9 @@ def compose_cell(
     # The only integrator that treats the strips' stiffness implicitly: the highest bending mode
     # of the chain would otherwise ask for steps of 0.1 ms.
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    # With holds as hard as these the default, 1e-8, ends the solver after one iteration, and near
+    # rest forces jump by up to 2 N for some steps. What it takes instead costs no time.
+    spec.option.tolerance = 1e-12
     # A state that diverged must stay as it was, to be looked at. One island holds everything here,
     # and its few rows are dense: the general machinery would only cost time (14 % of a step).
     spec.option.disableflags |= int(

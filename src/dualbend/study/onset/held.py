@@ -32,9 +32,6 @@ _STEP_RAD, _STEP_PART = 0.02, 0.01
 
 SETTLE_S, HOLD_S, WINDOW_S = 1.0, 6.0, 0.7
 _TRANSIENT_S = 0.5
-_SOLVER_TOLERANCE = 1e-4
-"""Of the constraint forces, over that of a run."""
-
 _SLOW_DEGREE = 7
 """Over the whole run, half of it over a half: takes off what is below 0.4 Hz."""
 _AT_BOUND = 0.5
@@ -112,8 +109,6 @@ def held(
 def oscillate(scenario: Scenario, axis: SingleAxis, *, friction: bool = True) -> Oscillation:
     """Run a held scenario and say whether the disturbance grows; ``friction``: of the joints."""
     ready = BendingRun(scenario) if friction else without_friction(scenario)
-    # Less leaves the forces of arms near rest up to 2 N off for some steps, which kicks the loop.
-    ready.cell.simulation.model.opt.tolerance *= _SOLVER_TOLERANCE
     trace = ready.run().trace
     name = "x" if axis == "x" else "alpha"
     side = next(side for side in SIDES if side in scenario.compliance.complying)

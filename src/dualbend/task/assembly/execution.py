@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.state import State
 from dualbend.task.assembly.steps import Phase, Step
@@ -67,7 +65,7 @@ class Execution:
         state.row, state.step = state.row - 1 if again else state.row + 1, 0
         if state.phase <= PHASES.index("lower"):
             # The next sheet, or the middle once more.
-            state.height, state.levels = 0.0, np.zeros(2)
+            state.height, state.levels = 0.0, (0.0, 0.0)
         if state.phase == 0:
             state.slack = 0.0
 

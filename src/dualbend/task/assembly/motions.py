@@ -62,7 +62,7 @@ class Goal:
 
     phase: int
     posture: Posture
-    levels: Vector
+    levels: tuple[float, float] = (0.0, 0.0)
     alpha_ratio: float | None = None
     seeking: bool = False
     attempt: int = 0

@@ -51,7 +51,7 @@ class State:
     seated: Sensed | None = None
     height: float = 0.0
     slack: float = 0.0
-    levels: Vector = field(default_factory=lambda: np.zeros(2))
+    levels: tuple[float, float] = (0.0, 0.0)
     touch_from: Vector | None = None
 
     @property

@@ -224,13 +224,14 @@ class Level(Step):
 
     def advance(self, state: State) -> bool:
         """Raise or lower them a little."""
-        excess, levels = state.ends_held_up(SUPPORT_CYCLES), state.levels
+        excess, levels = state.ends_held_up(SUPPORT_CYCLES), np.array(state.levels)
         at_the_end = (np.abs(levels) == self.most) & (excess * levels > 0.0)
         off = (np.abs(excess) > self.force) & ~at_the_end
         if not off.any() or state.cycle * self.period_s > self.timeout_s:
             return False
         moved = levels + _LEVEL_RATE_PER_S * self.period_s * self.softness * excess * off
-        state.levels = np.clip(moved, -self.most, self.most)
+        left, right = np.clip(moved, -self.most, self.most).tolist()
+        state.levels = left, right
         state.cycle += 1
         return True
 
