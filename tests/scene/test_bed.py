@@ -64,8 +64,16 @@ class Scene:
         mujoco.mj_forward(self.model, self.data)
 
     def fall(self, seconds: float = 1.5) -> None:
-        for _ in range(round(seconds / STEP_S)):
-            mujoco.mj_step(self.model, self.data)
+        """Let go, in steps that are divided as a run divides them."""
+        for step in range(round(seconds / STEP_S)):
+            if step % 16 == 0:
+                self.pins.peaks()
+            parts = self.pins.parts()
+            self.model.opt.timestep = STEP_S / parts
+            for _ in range(parts):
+                mujoco.mj_step(self.model, self.data)
+                self.pins.on_step()
+        self.model.opt.timestep = STEP_S
         mujoco.mj_forward(self.model, self.data)
 
     def contacts(self) -> list[tuple[int, int, Array]]:

@@ -44,8 +44,8 @@ REFUSED = [
     # key, a value that is too large or small, the phrase that says why, the limit it names
     ("layout.bed.half_length_m", 0.19, "grippers", 0.2 - JAW_ROOM_M),
     ("layout.stand.half_length_m", 0.2, "grippers", 0.2 - JAW_ROOM_M),
-    ("layout.holes.middle.along_m", 0.16, "stand on the bed", 0.16 - 0.5 * 4.76e-3),
-    ("layout.holes.outer.along_m", 0.159, "stand on the bed", 0.16 - 0.5 * 4.76e-3),
+    ("layout.holes.middle.along_m", 0.165, "stand on the bed", 0.165 - 0.5 * 4.76e-3),
+    ("layout.holes.outer.along_m", 0.164, "stand on the bed", 0.165 - 0.5 * 4.76e-3),
     ("layout.holes.middle.across_m", 0.049, "stand on the bed", 0.05 - 0.5 * 4.76e-3),
     ("layout.holes.outer.across_m", -0.06, "stand on the bed", 0.05 - 0.5 * 4.76e-3),
     ("layout.stand.y_m", 0.0, "stands in the bed", 0.1),

@@ -91,7 +91,8 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
 
     def without_compliance(self, *, exact: bool = False) -> Scenario:
         """Return the scenario of Fig. 6, or of the exact path."""
-        return load_scenario("exact" if exact else STRIP["fig6"], self.settings()[:4])
+        settings = ["imperfections=none", "robot.servo.integral=none", *self.settings()[:4]]
+        return load_scenario("exact" if exact else STRIP["fig6"], settings)
 
 
 def readings() -> Iterator[Reading]:

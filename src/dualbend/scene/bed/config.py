@@ -56,7 +56,7 @@ class PinsConfig(Config):
 class BedConfig(Config):
     """The assembly bed: a flat block with the pins, under the cell's origin."""
 
-    half_length_m: Annotated[float, said("half the block along x", gt=0, lt=3)] = 0.16
+    half_length_m: Annotated[float, said("half the block along x", gt=0, lt=3)] = 0.165
     half_width_m: Annotated[float, said("half the block along y", gt=0, lt=3)] = 0.05
     top_m: Annotated[float, said("above the floor", gt=0, lt=3)] = 0.672
     friction: Annotated[float, said("bed and stand", ge=0, le=2)] = 0.2
@@ -66,7 +66,7 @@ class StandConfig(Config):
     """The pick-up stand: a flat block beside the bed."""
 
     y_m: Annotated[float, said("its middle, in the world", ge=-1.5, le=1.5)] = 0.30
-    half_length_m: Annotated[float, said("half the block along x", gt=0, lt=3)] = 0.16
+    half_length_m: Annotated[float, said("half the block along x", gt=0, lt=3)] = 0.165
     half_width_m: Annotated[float, said("half the block along y", gt=0, lt=3)] = 0.05
     top_m: Annotated[float, said("above the floor", gt=0, lt=3)] = 0.672
 

@@ -263,6 +263,8 @@ class AssemblyProgram:
             return []
         c, near, far = holes.clearance_m, holes.middle.along_m, holes.outer.along_m
         free = 2.0 * c, 2.0 * c, 0.5 * (c / far + c / near)
+        slow = self.config.speeds.contact_m_per_s
+        pace = replace(self.pace, linear_m_per_s=slow, angular_rad_per_s=slow / far)
         steps: list[Step] = []
         for axis, arm in enumerate((1.0, 1.0, far)):
             step, force = _CHECK_M_PER_S * self.pace.period_s / arm, config.check_force_n * arm
@@ -270,7 +272,7 @@ class AssemblyProgram:
             touch = partial(
                 TouchPins, axis=axis, force=force, most=free[axis] + yields, slack=_STUCK_M / arm
             )
-            steps += [touch(step=step), touch(step=-step), Centre(pace=self.pace)]
+            steps += [touch(step=step), touch(step=-step), Centre(pace=pace)]
         return steps
 
     def _middle_holes(self, layer: int) -> HolePair:

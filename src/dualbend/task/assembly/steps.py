@@ -211,9 +211,8 @@ class Press(Step):
 class Level(Step):
     """Raise or lower each arm by itself until the flat sheet's end neither carries nor pulls it.
 
-    An arm that stands 0.3 mm too low is held up by the end of a flat sheet as much as by one that
-    lies on a tip; raised by ``most`` [m], it is not any more, but the other one still is. Goes on
-    until what holds an arm up is within ``force`` [N], or for ``timeout_s``; ``softness`` [m/N].
+    The end of a flat sheet holds up an arm that is 0.3 mm too low as much as a tip does, but not
+    one that is raised by ``most`` [m]. Until it is within ``force`` [N], or for ``timeout_s``.
     """
 
     force: float
@@ -238,18 +237,15 @@ class Level(Step):
 
 @dataclass(frozen=True, kw_only=True)
 class Slacken(Step):
-    """Wait until the flat sheet between the arms is without tension; `Slack` moves them.
-
-    The arm that lets go last would pull it on its pins.
-    """
+    """Wait for rest, and for `Slack` to take the tension off: the last arm would pull the sheet."""
 
     slack: Slack
     timeout_s: float
 
     def advance(self, state: State) -> bool:
         """Wait for another cycle."""
-        waited = state.cycle * self.slack.period_s
-        if abs(self.slack.excess(state)) == 0.0 or waited > self.timeout_s:
+        late = state.cycle * self.slack.period_s > self.timeout_s
+        if state.cycle >= MEAN_CYCLES and (late or not self.slack.excess(state)):
             return False
         state.cycle += 1
         return True
