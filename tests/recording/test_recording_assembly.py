@@ -19,7 +19,7 @@ from dualbend.scene.bed.config import HOLES, hole_places
 from dualbend.scene.bed.mjcf import laid_body
 from dualbend.scene.ik import carried_targets
 from dualbend.scene.sheet.strips import strip_body
-from dualbend.task.assembly.motions import PHASES
+from dualbend.task.assembly.program.motions import PHASES
 from dualbend.task.assembly.recording import (
     LAYERS,
     PHASE_COLOURS,

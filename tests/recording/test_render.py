@@ -27,7 +27,7 @@ from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.cell import without_looks
 from dualbend.scene.sheet.strips import strip_body
-from dualbend.task.assembly.motions import PHASES
+from dualbend.task.assembly.program.motions import PHASES
 from support.made_up_book import make_book
 from support.strip import STRIP8
 

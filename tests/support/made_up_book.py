@@ -8,7 +8,7 @@ from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord, Scene
 from dualbend.run.trace import TraceRecorder
 from dualbend.scenario.load import load_scenario
-from dualbend.task.assembly.motions import PHASES
+from dualbend.task.assembly.program.motions import PHASES
 from dualbend.task.assembly.run import TASK_COLUMNS, AssemblyRun
 
 ROWS_A_PHASE = 3

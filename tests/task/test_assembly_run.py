@@ -25,7 +25,7 @@ from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly import run as assembly_run
 from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.metrics import final_holes, phase_table, seated
-from dualbend.task.assembly.motions import PHASES
+from dualbend.task.assembly.program.motions import PHASES
 from dualbend.task.assembly.run import AssemblyRun
 from dualbend.task.assembly.stiffness import object_stiffness
 from dualbend.task.bending.config import BendingConfig
@@ -199,6 +199,7 @@ def test_a_pin_force_above_its_limit_fails_with_phase_and_value() -> None:
 
 def test_the_run_is_given_up_when_its_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(assembly_run, "LONGEST_S", 0.56)
+    monkeypatch.setattr(assembly_run, "ATTEMPT_S", 0.0)
     result = AssemblyRun(load_scenario("pwb")).run()
     assert result.outcome == "aborted"
     assert result.reason.startswith("approach: not done within 0.56 s")

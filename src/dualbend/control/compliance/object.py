@@ -40,7 +40,7 @@ class ObjectComplianceConfig(Config):
     seek_m_per_s: Annotated[float, said("least speed towards a pin, on its tip", ge=0, le=0.01)] = (
         0.5e-3
     )
-    seek_rad_per_s: Annotated[float, said("the same, yaw", ge=0, le=0.1)] = 2e-3
+    seek_rad_per_s: Annotated[float, said("the same, yaw", ge=0, le=0.1)] = 5e-3
     limit_m: Annotated[float, said("largest |δx|, |δy|", gt=0, le=1)] = 5e-3
     limit_rad: Annotated[float, said("largest turn", gt=0, le=3.15)] = 0.03
 

@@ -2,7 +2,7 @@
 
 from dualbend.registry import Task
 from dualbend.task.assembly.config import AssemblyConfig
-from dualbend.task.assembly.motions import PHASES
+from dualbend.task.assembly.program.motions import PHASES
 
 ASSEMBLY = Task(
     kind="assembly",

@@ -33,10 +33,12 @@ class SpeedsConfig(Config):
 
 
 class SearchConfig(Config):
-    """What is done where a hole did not find its pin: up, aside, down again."""
+    """What is done where a hole did not find its pin: up, aside or turned, down again."""
 
-    attempts: Annotated[int, said("before the task stops", ge=0, le=50)] = 6
+    attempts: Annotated[int, said("before the task stops", ge=0, le=50)] = 20
     step_m: Annotated[float, said("between the places that are tried", gt=0, le=0.05)] = 1.2e-3
+
+    turn_rad: Annotated[float, said("between the turns that are tried", gt=0, le=0.2)] = 0.01
 
     def places(self) -> list[tuple[float, float]]:
         """Return where to try the middle holes, (x, y) [m], relative to their place.

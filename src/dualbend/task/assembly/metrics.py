@@ -18,7 +18,7 @@ from dualbend.planning.plan import plan_assembly
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scene.bed.config import HOLES
 from dualbend.task.assembly.config import assembly_of
-from dualbend.task.assembly.motions import CHECK
+from dualbend.task.assembly.program.motions import CHECK
 from dualbend.types import SIDES, Vector
 
 OFFSET_BEYOND_CLEARANCE_M = 0.02e-3

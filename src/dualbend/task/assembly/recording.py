@@ -21,8 +21,8 @@ from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
 from dualbend.scene.bed.mjcf import laid_body
 from dualbend.scene.sheet.strips import strip_body
 from dualbend.task.assembly.config import assembly_of
-from dualbend.task.assembly.motions import PHASES
-from dualbend.task.assembly.state import MEAN_CYCLES
+from dualbend.task.assembly.program.motions import PHASES
+from dualbend.task.assembly.program.state import MEAN_CYCLES
 from dualbend.types import Vector
 
 PHASE_COLOURS = {

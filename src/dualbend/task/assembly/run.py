@@ -34,17 +34,17 @@ from dualbend.scene.grippers import Grippers
 from dualbend.scene.ik import Targets, carried_targets
 from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
-from dualbend.task.assembly.config import ErrorsConfig, assembly_of
+from dualbend.task.assembly.config import AssemblyConfig, ErrorsConfig, assembly_of
 from dualbend.task.assembly.damage import Resolution, stop_at_damage
 from dualbend.task.assembly.metrics import final_holes, seated
-from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
-from dualbend.task.assembly.program import AssemblyProgram
+from dualbend.task.assembly.program.motions import PHASES, Goal, Posture, Sensed
+from dualbend.task.assembly.program.table import AssemblyProgram
 from dualbend.task.assembly.stiffness import object_stiffness
 from dualbend.task.assembly.workplace import check_workplace
 from dualbend.types import SIDES, PlanarPose, Side, Vector, Wrench
 
-LONGEST_S = 180.0
-"""A sheet is laid within this, or the run is given up."""
+LONGEST_S, ATTEMPT_S = 180.0, 20.0
+"""A sheet is laid within this, and this for each attempt, or the run is given up."""
 
 BENDS = np.linspace(0.0, 1.0, 6)
 """Bending angles, over that at which the sheet is laid, where its stiffness is computed."""
@@ -74,7 +74,12 @@ def columns(_: Scenario) -> tuple[tuple[str, str], ...]:
 
 def cycles(scenario: Scenario) -> int:
     """Return the command cycles after which an assembly is given up."""
-    return round(assembly_of(scenario).sheets * LONGEST_S / COMMAND_PERIOD_S)
+    return round(longest_s(assembly_of(scenario)) / COMMAND_PERIOD_S)
+
+
+def longest_s(config: AssemblyConfig) -> float:
+    """Return the time after which an assembly is given up [s]."""
+    return config.sheets * (LONGEST_S + config.search.attempts * ATTEMPT_S)
 
 
 def assembly_plan(scenario: Scenario) -> AssemblyPlan:
@@ -281,9 +286,7 @@ class AssemblyRun(Run):
         if goal is None:
             return False
         if self.trace.rows == self.cycles:
-            raise TaskStopped(
-                f"{PHASES[goal.phase]}: not done within {self.config.sheets * LONGEST_S:g} s"
-            )
+            raise TaskStopped(f"{PHASES[goal.phase]}: not done within {longest_s(self.config):g} s")
         if laid > len(self.laid):
             self._lay()
             self._supply()
@@ -340,7 +343,7 @@ class AssemblyRun(Run):
         if goal.alpha_ratio is not None:
             wrench = self._task.state.contact_wrench(net)
             admittance.update(wrench, goal.alpha_ratio, goal.seeking)
-        elif goal.phase < PHASES.index("lower"):
+        elif goal.relax or goal.phase < PHASES.index("lower"):
             admittance.relax(self.config.speeds.travel_m_per_s)
         return admittance.deviation
 

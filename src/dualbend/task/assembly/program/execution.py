@@ -2,11 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from dualbend.task.assembly.motions import PHASES, Goal, Posture, Sensed
-from dualbend.task.assembly.state import State
-from dualbend.task.assembly.steps import Phase, Step
+from dualbend.task.assembly.program.held import Slack
+from dualbend.task.assembly.program.motions import PHASES, Goal, Posture, Sensed
+from dualbend.task.assembly.program.search import HolePair
+from dualbend.task.assembly.program.state import State
+from dualbend.task.assembly.program.steps import Step
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A phase of the program; where ``holes`` are not on their pins at its end, back by one.
+
+    ``slack``: acts in all its steps.
+    """
+
+    name: str
+    steps: Sequence[Step]
+    holes: HolePair | None = None
+    slack: Slack | None = None
 
 
 @dataclass
@@ -48,7 +64,7 @@ class Execution:
             if state.step == len(phase.steps):
                 self._leave(phase)
             elif self._wanted(step := phase.steps[state.step]) and step.advance(state):
-                return self._goal(step.alpha_ratio)
+                return self._goal(step.alpha_ratio, step.relax)
             else:
                 state.step, state.cycle, state.pressed = state.step + 1, 0, 0
         return None
@@ -62,6 +78,8 @@ class Execution:
         if phase.holes is not None:
             again = phase.holes.missed(state)
             state.attempt = state.attempt + 1 if again else 0
+            if not again:
+                state.tried.clear()
         state.row, state.step = state.row - 1 if again else state.row + 1, 0
         if state.phase <= PHASES.index("lower"):
             # The next sheet, or the middle once more.
@@ -69,7 +87,7 @@ class Execution:
         if state.phase == 0:
             state.slack = 0.0
 
-    def _goal(self, alpha_ratio: float | None) -> Goal:
+    def _goal(self, alpha_ratio: float | None, relax: bool) -> Goal:
         state, slack = self.state, self.table[self.state.row].slack
         if slack is not None:
             slack.update(state)
@@ -84,5 +102,6 @@ class Execution:
             levels=state.levels,
             alpha_ratio=alpha_ratio,
             seeking=state.seeking,
+            relax=relax,
             attempt=state.attempt,
         )

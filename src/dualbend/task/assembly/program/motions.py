@@ -57,7 +57,8 @@ class Goal:
     ``levels`` (2,) [m]: by how much each arm is to be higher than the posture says.
     ``phase``: index into `PHASES`. ``alpha_ratio``: bending angle, over that at which the sheet is
     laid, for which the compliance is scheduled; None: no compliance. ``seeking``: the sheet lies on
-    the tips of pins, whose flanks it feels, not their sides. ``attempt``: counted from 0.
+    the tips of pins, whose flanks it feels, not their sides. ``relax``: it goes back to where it
+    was sent. ``attempt``: counted from 0.
     """
 
     phase: int
@@ -65,6 +66,7 @@ class Goal:
     levels: tuple[float, float] = (0.0, 0.0)
     alpha_ratio: float | None = None
     seeking: bool = False
+    relax: bool = False
     attempt: int = 0
 
 

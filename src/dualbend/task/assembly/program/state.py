@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from dualbend.run.outcome import TaskStopped
-from dualbend.task.assembly.motions import PHASES, Posture, Sensed, interpolate
+from dualbend.task.assembly.program.motions import PHASES, Posture, Sensed, interpolate
 from dualbend.types import Vector
 
 MEAN_CYCLES = 18
@@ -16,6 +17,19 @@ MEAN_CYCLES = 18
 
 SUPPORT_CYCLES = 5
 """Over which a force is averaged that ends a motion."""
+
+
+class Tried(NamedTuple):
+    """Where holes were let down in vain.
+
+    ``place``, ``wanted``: x, y [m] and yaw [rad] (3,) where they came to and where they were sent,
+    as far as the robots know. ``height`` [m] of the middle; ``moment`` [N m] about the vertical.
+    """
+
+    place: Vector
+    wanted: Vector
+    height: float
+    moment: float
 
 
 @dataclass(kw_only=True)
@@ -30,7 +44,8 @@ class State:
     above theirs. ``height`` [m]: by how much the arms are raised, since by the press on the middle
     they stand too low; ``slack`` [m]: by how much farther out each is, since the flat sheet was
     pushed; ``levels`` (2,) [m]: by how much each is higher, since its end was held up.
-    ``touch_from``: place from which the sheet is moved towards a pin.
+    ``touch_from``: place from which the sheet is moved towards a pin. ``tried``: places at which
+    the middle holes did not find their pins.
     """
 
     posture: Posture
@@ -42,6 +57,7 @@ class State:
     begin: Posture
     end: Posture
     pressed: int = 0
+    tried: list[Tried] = field(default_factory=list)
     still: int = 0
     lowest: float = 0.0
     seeking: bool = False

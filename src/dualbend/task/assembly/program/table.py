@@ -19,26 +19,13 @@ from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
 from dualbend.errors import InputError
 from dualbend.scene.cell import GraspConfig
 from dualbend.task.assembly.config import AssemblyConfig
-from dualbend.task.assembly.execution import Execution
-from dualbend.task.assembly.motions import CHECK, Pace, Posture
-from dualbend.task.assembly.state import MEAN_CYCLES, State
-from dualbend.task.assembly.steps import (
-    Centre,
-    CheckGrasp,
-    CheckWeight,
-    HolePair,
-    Level,
-    Measure,
-    Move,
-    MoveDown,
-    Phase,
-    Press,
-    Slack,
-    Slacken,
-    Step,
-    TouchPins,
-    Wait,
-)
+from dualbend.task.assembly.program.execution import Execution, Phase
+from dualbend.task.assembly.program.held import Level, Press, Slack, Slacken
+from dualbend.task.assembly.program.motions import CHECK, Pace, Posture
+from dualbend.task.assembly.program.search import GoAside, HolePair, MoveDown, Turn
+from dualbend.task.assembly.program.seats import Centre, TouchPins
+from dualbend.task.assembly.program.state import MEAN_CYCLES, State
+from dualbend.task.assembly.program.steps import CheckGrasp, CheckWeight, Measure, Move, Step, Wait
 
 _TIP_MARGIN_M = 1.5e-3
 """Above and below the tips of the pins, where motions are slow."""
@@ -50,7 +37,13 @@ _ARMS_OFF_M = 1e-3
 """By how much arms may stand higher, lower, nearer or farther than they know."""
 
 _PATIENCE_S, _PROGRESS_M = 2.5, 0.1e-3
-"""An end that does not come down by that much for so long lies flat, or on its pin's tip."""
+"""An end that does not come down by that much for so long lies flat, or on its pin's tip.
+
+A middle is given twice the time: it yields sideways meanwhile.
+"""
+
+_FELT_M = 0.25e-3
+"""By so much lower than elsewhere, a middle has come down on the flank of a tip, or into a hole."""
 
 _SLACK_N = 1.0
 """Tension of a flat sheet that is let be."""
@@ -182,7 +175,6 @@ class AssemblyProgram:
         config, pins, speeds = self.config, self.config.layout.pins, self.config.speeds
         tips = self._seat_z(layer) + pins.height_m
         past_tips = tips - pins.tip_m - _TIP_MARGIN_M
-        x, y = zip(*config.search.places(), strict=True)
         contact, seat = (
             replace(self.pace, linear_m_per_s=speed)
             for speed in (speeds.contact_m_per_s, speeds.seat_m_per_s)
@@ -190,7 +182,16 @@ class AssemblyProgram:
         return [
             self._move(z=tips + _TIP_MARGIN_M),
             replace(settle, retry_only=True),
-            self._move(x=x, y=y),
+            GoAside(
+                to={},
+                pace=self.pace,
+                places=config.search.places(),
+                turn=config.search.turn_rad,
+                felt=_FELT_M,
+                near=0.5 * config.search.step_m,
+                retry_only=True,
+                relax=True,
+            ),
             self._down(holes, contact, z=past_tips),
             self._down(holes, seat, top=past_tips, z=holes.target),
         ]
@@ -205,7 +206,8 @@ class AssemblyProgram:
     def _lower_outer(self, layer: int, touch: Move, holes: HolePair) -> Sequence[Step]:
         """Unfold; where it is not the first time, bend up to the touch and turn before."""
         config = self.config
-        turn = self._move(yaw=tuple(config.search.turns(config.layout.holes)), alpha_ratio=1.0)
+        turns = config.search.turns(config.layout.holes)
+        turn = Turn(to={}, pace=self.pace, turns=turns, alpha_ratio=1.0)
         slow = replace(self.pace, angular_rad_per_s=config.speeds.contact_rad_per_s)
         return [
             *(replace(move, retry_only=True) for move in (touch, turn)),
@@ -279,6 +281,8 @@ class AssemblyProgram:
         """Tell a tip from the press on the bent sheet, whose middle either holds up."""
         press_n, tip_n = self.press_force_n, self.tip_force_n
         held_up_m = _HELD_UP * self.config.layout.pins.height_m
+        heights = np.linspace(0.0, self.config.layout.pins.height_m, 7)
+        forces = np.array([middle_force(self.sheet, self.path, h) for h in heights])
         return HolePair(
             name="middle",
             coordinate="z",
@@ -288,6 +292,9 @@ class AssemblyProgram:
             missed_n=middle_force(self.sheet, self.path, held_up_m),
             short=held_up_m,
             softness=self.config.press_m / press_n,
+            patience_s=2.0 * _PATIENCE_S,
+            progress=_PROGRESS_M,
+            yields=partial(np.interp, xp=forces, fp=heights),
             attempts=1 + self.config.search.attempts,
         )
 

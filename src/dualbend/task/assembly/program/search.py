@@ -1,0 +1,179 @@
+"""Steps that let holes down on their pins, and what is tried where they did not find them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from dualbend.task.assembly.program.state import MEAN_CYCLES, SUPPORT_CYCLES, State, Tried
+from dualbend.task.assembly.program.steps import Move
+from dualbend.types import Vector
+
+_PRESS_RATE_PER_S = 2.0
+"""Rate at which the press on a sheet that is held up is corrected; the loop bears four times it."""
+
+
+def rigid(_: float) -> float:
+    """Return how far a force holds up what does not yield: not at all."""
+    return 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class HolePair:
+    """Two holes that go down on their pins together, and the force by which a pin's tip is felt.
+
+    ``coordinate`` of the posture falls to ``target``; ``support`` tells the force [N]. Above
+    ``touch_n`` it stops the motion; above ``missed_n``, or where the motion ended ``short`` of its
+    target, the holes are not on their pins. ``softness``: motion per force [m/N] or [rad/N].
+    Pressed for ``patience_s`` without ``progress``, they come no further. ``yields``: how far a
+    force [N] holds them above the coordinate.
+    """
+
+    name: Literal["middle", "outer"]
+    coordinate: Literal["z", "alpha"]
+    target: float
+    support: Callable[[State, int], float]
+    touch_n: float
+    missed_n: float
+    short: float
+    softness: float
+    attempts: int
+    patience_s: float = math.inf
+    progress: float = 0.0
+    yields: Callable[[float], float] = rigid
+
+    def value(self, state: State) -> float:
+        """Return the present value of the coordinate."""
+        return float(getattr(state.posture, self.coordinate))
+
+    def missed(self, state: State) -> bool:
+        """Tell whether to try again; stop the task after the last attempt."""
+        support, short = self.support(state, MEAN_CYCLES), self.value(state) - self.target
+        if support < self.missed_n and short <= self.short:
+            return False
+        if state.attempt + 1 < self.attempts:
+            assert state.free is not None
+            seen, goal = state.mean(), state.posture
+            state.tried.append(
+                Tried(
+                    place=seen.place - state.free.place,
+                    wanted=np.array([goal.x, goal.y, goal.yaw]),
+                    height=self.value(state) + self.yields(support),
+                    moment=float(state.contact_wrench(seen.net)[2]),
+                )
+            )
+            return True
+        held = "the sheet" if self.name == "middle" else "an end"
+        reason = f"above {self.missed_n:.2f} N"
+        if support < self.missed_n:
+            left = f"{1e3 * short:.3g} mm" if self.coordinate == "z" else f"{short:.3g} rad"
+            reason = f"{left} short of its place"
+        raise state.stopped(
+            f"the {self.name} holes did not find their pins in {self.attempts} attempts: "
+            f"{held} is held up with {support:.2f} N, {reason}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MoveDown(Move):
+    """Move until something holds the sheet up; give it time to find its pins, and go on.
+
+    Meanwhile it is pressed lightly: the flank of a tip multiplies what presses on it. The step
+    ends above its target where the time for that is over; it is left out where the one before has
+    not come down to ``top``.
+    """
+
+    holes: HolePair
+    bottom: float
+    top: float = math.inf
+    timeout_s: float
+
+    def advance(self, state: State) -> bool:
+        """Go on, press or end, by the force that holds the sheet up."""
+        holes, value = self.holes, self.holes.value(state)
+        if state.cycle == 0:
+            state.lowest, state.still = value, 0
+            return self.bottom < value <= self.top and super().advance(state)
+        support = holes.support(state, SUPPORT_CYCLES)
+        if not state.seeking and support <= holes.touch_n and state.go_on():
+            return True
+        state.seeking = False
+        if value <= self.bottom:
+            return False
+        if support <= 0.3 * holes.touch_n:
+            state.cycle = 0
+            return super().advance(state)
+        if value < state.lowest - holes.progress:
+            state.lowest, state.still = value, 0
+        period_s = self.pace.period_s
+        if state.pressed * period_s > self.timeout_s or state.still * period_s > holes.patience_s:
+            return False
+        # Up or down a little, to reduce the excess of force.
+        excess_n = support - 0.8 * holes.touch_n
+        back = _PRESS_RATE_PER_S * self.pace.period_s * holes.softness * excess_n
+        pressed = {holes.coordinate: max(value + back, self.bottom)}
+        state.posture = replace(state.posture, **pressed)
+        state.pressed, state.still, state.seeking = state.pressed + 1, state.still + 1, True
+        return True
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoAside(Move):
+    """Go to the next place of the search, by what was felt at those before.
+
+    Where the sheet came down ``felt`` [m] lower than elsewhere a hole is at the flank of its tip,
+    and the other one is not because the sheet is turned. So it is turned there, by ``turn`` [rad]
+    as the moment about the vertical points, then the other way, then farther. Else the next of
+    ``places`` (x, y) [m]. No place is tried that one before came ``near`` [m], half a turn.
+    """
+
+    places: Sequence[tuple[float, float]]
+    turn: float
+    felt: float
+    near: float
+
+    def advance(self, state: State) -> bool:
+        """Go on until the motion's time is over."""
+        if state.cycle == 0:
+            x, y, yaw = self.next(state.tried)
+            state.begin = state.posture
+            state.end = replace(state.posture, x=x, y=y, yaw=yaw)
+            state.cycles = self.pace.cycles(state.begin, state.end)
+        return state.go_on()
+
+    def next(self, tried: Sequence[Tried]) -> tuple[float, float, float]:
+        """Return x, y [m] and yaw [rad] of the next place."""
+        deepest = min(tried, key=lambda one: one.height)
+        x, y, yaw = deepest.place.tolist()
+        way = math.copysign(self.turn, deepest.moment)
+        around = [(x, y, yaw + n * way) for n in (1, -1, 2, -2, 3, -3)]
+        lattice = [(px, py, 0.0) for px, py in self.places]
+        found = deepest.height <= max(one.height for one in tried) - self.felt
+        for place in [*around, *lattice] if found else [*lattice, *around]:
+            if not any(self._is_near(place, one) for t in tried for one in (t.place, t.wanted)):
+                return place
+        return lattice[len(tried) % len(lattice)]
+
+    def _is_near(self, place: tuple[float, float, float], other: Vector) -> bool:
+        away = math.hypot(place[0] - other[0], place[1] - other[1])
+        return away < self.near and abs(place[2] - other[2]) < 0.5 * self.turn
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turn(Move):
+    """Turn the sheet from where its middle lies, by another angle in each attempt."""
+
+    turns: Sequence[float]
+
+    def advance(self, state: State) -> bool:
+        """Go on until the motion's time is over."""
+        if state.cycle == 0:
+            more = self.turns[state.attempt] - self.turns[state.attempt - 1]
+            state.begin = state.posture
+            state.end = replace(state.posture, yaw=state.posture.yaw + more)
+            state.cycles = self.pace.cycles(state.begin, state.end)
+        return state.go_on()

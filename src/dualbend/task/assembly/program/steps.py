@@ -1,0 +1,129 @@
+"""The kinds of steps that the assembly's program is made of: motions, waits, measurements.
+
+A step holds what is the same for every execution of the program; what changes is in the `State`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from dualbend.task.assembly.program.motions import Pace
+from dualbend.task.assembly.program.state import MEAN_CYCLES, State
+from dualbend.types import SIDES
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """One line of the table.
+
+    ``alpha_ratio``: the compliance is that of a sheet bent as far as it is now, and at most this
+    far, over the bending angle at which it is laid; None: no compliance. ``retry_only``: not in the
+    first attempt.
+    """
+
+    alpha_ratio: float | None = None
+    retry_only: bool = False
+    relax: bool = False
+
+    def advance(self, state: State) -> bool:
+        """Choose the next cycle's posture, the first one at ``state.cycle`` 0; False: it is over.
+
+        A step that is over in the first needs no cycle.
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Move(Step):
+    """Move some components of the posture, each to a value or to one value for each attempt."""
+
+    to: Mapping[str, float | tuple[float, ...]]
+    pace: Pace
+
+    def advance(self, state: State) -> bool:
+        """Go on until the motion's time is over."""
+        if state.cycle == 0:
+            target = {
+                name: value[state.attempt] if isinstance(value, tuple) else value
+                for name, value in self.to.items()
+            }
+            state.begin, state.end = state.posture, replace(state.posture, **target)
+            state.cycles = self.pace.cycles(state.begin, state.end)
+        return state.go_on()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wait(Step):
+    """Stay until a quantity lies between two bounds, and stop the task where it takes too long.
+
+    It is looked at after half a second, or where the time-out ends before; ``rest_cycles`` pass
+    before all that.
+    """
+
+    quantity: Callable[[State], float]
+    above: float = -math.inf
+    below: float = math.inf
+    otherwise: str
+    timeout_s: float
+    period_s: float
+    rest_cycles: int = 0
+
+    def advance(self, state: State) -> bool:
+        """Stay for another cycle, or stop the task."""
+        waited, allowed = state.cycle - self.rest_cycles, math.ceil(self.timeout_s / self.period_s)
+        if waited >= min(MEAN_CYCLES, allowed):
+            if self.above < self.quantity(state) < self.below:
+                return False
+            if waited == allowed:
+                raise state.stopped(f"{self.otherwise} after {self.timeout_s:g} s")
+        state.cycle += 1
+        return True
+
+
+@dataclass(frozen=True)
+class Measure(Step):
+    """Keep the mean of the last half second for later comparison."""
+
+    name: Literal["empty", "free", "seated"]
+
+    def advance(self, state: State) -> bool:
+        """Keep it."""
+        setattr(state, self.name, state.mean())
+        return False
+
+
+@dataclass(frozen=True)
+class CheckGrasp(Step):
+    """Stop the task where jaws have closed with no sheet between them."""
+
+    thickness_m: float
+
+    def advance(self, state: State) -> bool:
+        """Compare the gaps with half of the thickness."""
+        for side, gap in zip(SIDES, state.mean().gap, strict=True):
+            if gap < 0.5 * self.thickness_m:
+                raise state.stopped(
+                    f"nothing is between the {side} jaws: they closed to {1e3 * gap:.2f} mm, "
+                    f"the sheet has {1e3 * self.thickness_m:.2f} mm"
+                )
+        return False
+
+
+@dataclass(frozen=True)
+class CheckWeight(Step):
+    """Stop the task where the arms carry something else than the sheet."""
+
+    weight_n: float
+
+    def advance(self, state: State) -> bool:
+        """Compare what has been added to the empty grippers; allow for half of the weight."""
+        assert state.empty is not None
+        carried = float(state.empty.net[2] - state.mean().net[2])
+        if not 0.5 * self.weight_n < carried < 1.5 * self.weight_n:
+            raise state.stopped(
+                f"the arms carry {carried:.2f} N, the sheet weighs {self.weight_n:.2f} N"
+            )
+        return False
