@@ -32,8 +32,17 @@ _PLATE_RGBA, _COLUMN_RGBA = [0.62, 0.64, 0.67, 1.0], [0.24, 0.26, 0.30, 1.0]
 RUBBED = {"condim": 3, "solref": [0.0035, 1.0]}
 """A contact with dry friction, two steps of 1.75 ms long: the stiffest that a step resolves."""
 
-_PIN_CONTACT = {**RUBBED, "solimp": [0.98, 0.999, 2e-5, 0.5, 2.0], "priority": 1}
-"""Whatever touches a pin: softer defaults of what touches it must not mix in."""
+_PIN_CONTACT = {
+    **RUBBED,
+    "solref": [0.0015, 1.0],
+    "solimp": [0.98, 0.999, 2e-5, 0.5, 2.0],
+    "priority": 1,
+}
+"""Whatever touches a pin: softer defaults of what touches it must not mix in.
+
+Stiffer than a whole step resolves, for which MuJoCo takes two steps; those at a tip are divided. An
+impact of v is v τ/e deep: at 190 mm/s 0.1 mm.
+"""
 
 
 def add_workplace(
