@@ -20,6 +20,9 @@ from dualbend.types import Config, Mask, Reals, Vector, Wrench, said
 _SURE_N, _SURE_NM = 0.2, 0.05
 """Force and moment beyond the dead band that noise does not make."""
 
+_FLANK_N, _FLANK_NM = 2.0, 0.1
+"""What a lightly pressed sheet feels of a tip's flank at most; more comes from a pin's side."""
+
 _MARGIN_SEEKING = 1.25
 """What is left of the gain margin while the sheet lies on the tips of pins."""
 
@@ -94,17 +97,21 @@ class ObjectAdmittance:
 
         Seeking, on the tips of pins, it goes where the force points with a speed of its own: near
         the top of a tip the force is small however far the pin is. What the loop's margin leaves is
-        for the moment at which the object falls into place.
+        for the moment at which the object falls into place. It leaves nothing where a pin's side is
+        felt, too: what is beyond the force of a flank moves the object as if it did not seek.
         """
         beyond = np.sign(wrench) * np.maximum(np.abs(wrench) - self._band, 0.0)
         speed = self.mobility(bend) * beyond
         if np.any(seeking):
-            sought = self._seeking * speed
-            for part, least, sure in (
-                (slice(0, 2), self.config.seek_m_per_s, _SURE_N),
-                (slice(2, 3), self.config.seek_rad_per_s, _SURE_NM),
+            sought = speed.copy()
+            for part, least, sure, flank in (
+                (slice(0, 2), self.config.seek_m_per_s, _SURE_N, _FLANK_N),
+                (slice(2, 3), self.config.seek_rad_per_s, _SURE_NM, _FLANK_NM),
             ):
-                sought[..., part] *= _raised(sought[..., part], beyond[..., part], least, sure)
+                force = beyond[..., part]
+                share = flank / np.maximum(_size(force), flank)
+                sought[..., part] *= 1.0 + (self._seeking - 1.0) * share
+                sought[..., part] *= _raised(sought[..., part], force, least, sure)
             speed = np.where(np.asarray(seeking)[..., np.newaxis], sought, speed)
         moved = self.deviation + self._period_s * speed
         self.deviation = np.clip(moved, -self._limit, self._limit)
