@@ -68,12 +68,13 @@ class HolePair:
             )
             return True
         held = "the sheet" if self.name == "middle" else "an end"
+        tries = f"{self.attempts} attempt{'s' if self.attempts > 1 else ''}"
         reason = f"above {self.missed_n:.2f} N"
         if support < self.missed_n:
             left = f"{1e3 * short:.3g} mm" if self.coordinate == "z" else f"{short:.3g} rad"
             reason = f"{left} short of its place"
         raise state.stopped(
-            f"the {self.name} holes did not find their pins in {self.attempts} attempts: "
+            f"the {self.name} holes did not find their pins in {tries}: "
             f"{held} is held up with {support:.2f} N, {reason}"
         )
 
