@@ -42,10 +42,10 @@ class SeriesPath:
 
 
 def scenario_of(path: SeriesPath, settings: Sequence[str] = ()) -> Scenario:
-    """Return the scenario `exact` with the path as a table."""
+    """Return the scenario `exact`, in a perfect cell, with the path as a table."""
     rows = [[a, *path.at(a)] for a in np.linspace(*path.knots, ROWS).tolist()]
     table = f"path={{kind='table',smooth=true,end_rad={path.target_rad},table={rows}}}"
-    return load_scenario("exact", [*settings, table])
+    return load_scenario("exact", ["imperfections=none", *settings, table])
 
 
 def main(settings: Sequence[str] = ()) -> dict[str, float]:

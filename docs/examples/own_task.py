@@ -67,8 +67,9 @@ WEIGH = TASKS.register(
 
 
 def main(settings: Sequence[str] = ()) -> dict[str, float]:
-    """Weigh the sheet of `exact`; print and return the weight and its error [N]."""
-    result = make_run(load_scenario("exact", ["task.kind=weigh", *settings])).run()
+    """Weigh the sheet of `exact` as it is believed; print and return weight and error [N]."""
+    scenario = load_scenario("exact", ["imperfections=none", "task.kind=weigh", *settings])
+    result = make_run(scenario).run()
     found = {name: metric.value for name, metric in result.metrics.items()}
     print(f"{result.outcome}: {found['weight']:.4f} N, {found['weight_error']:+.1e} N off")
     return found
