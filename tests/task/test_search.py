@@ -15,7 +15,6 @@ from dualbend.task.assembly.program.state import Tried
 CONFIG = SearchConfig()
 TIP_M, FELT_M = 6e-3, 0.25e-3
 ASIDE = GoAside(
-    to={},
     pace=Pace(linear_m_per_s=0.25, angular_rad_per_s=0.1, jaw_m_per_s=0.02, period_s=0.028),
     places=CONFIG.places(),
     turn=CONFIG.turn_rad,

@@ -180,8 +180,8 @@ class Stribeck:
     def __init__(
         self, config: RobotErrors, model: mujoco.MjModel, data: mujoco.MjData, dofs: Vector
     ) -> None:
-        # The only Python of every physics step: in place, on views of one span of joints. What else
-        # lies in it keeps its friction.
+        # Python in every physics step: in place, on views of one span of joints. What else lies in
+        # it keeps its friction.
         span = slice(dofs.min(), dofs.max() + 1)
         self._level, self._speed = model.dof_frictionloss[span], data.qvel[span]
         self._coulomb, self._excess = self._level.copy(), np.zeros_like(self._level)

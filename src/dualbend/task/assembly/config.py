@@ -37,7 +37,6 @@ class SearchConfig(Config):
 
     attempts: Annotated[int, said("before the task stops", ge=0, le=50)] = 20
     step_m: Annotated[float, said("between the places that are tried", gt=0, le=0.05)] = 1.2e-3
-
     turn_rad: Annotated[float, said("between the turns that are tried", gt=0, le=0.2)] = 0.01
 
     def places(self) -> list[tuple[float, float]]:

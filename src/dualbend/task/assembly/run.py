@@ -44,7 +44,7 @@ from dualbend.task.assembly.workplace import check_workplace
 from dualbend.types import SIDES, PlanarPose, Side, Vector, Wrench
 
 LONGEST_S, ATTEMPT_S = 180.0, 20.0
-"""A sheet is laid within this, and this for each attempt, or the run is given up."""
+"""A sheet is laid within the first, and the second for each attempt, or the run is given up."""
 
 BENDS = np.linspace(0.0, 1.0, 6)
 """Bending angles, over that at which the sheet is laid, where its stiffness is computed."""

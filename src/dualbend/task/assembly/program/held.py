@@ -9,7 +9,7 @@ import numpy as np
 from dualbend.task.assembly.program.state import MEAN_CYCLES, SUPPORT_CYCLES, State
 from dualbend.task.assembly.program.steps import Step
 
-_PRESS_RATE_PER_S = 2.0
+PRESS_RATE_PER_S = 2.0
 """Rate at which the press on a sheet that is held up is corrected; the loop bears four times it."""
 
 _LEVEL_RATE_PER_S = 1.0
@@ -20,11 +20,10 @@ _SLACK_RATE_PER_S = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Press(Step):
-    """Press the seated middle as hard as is wanted: arms do not know how high they stand.
+class Correction(Step):
+    """Raise or lower arms little by little, for ``timeout_s`` and by ``most`` [m] at most.
 
-    Their height changes with the excess of force, by ``most`` at most, until a third of the force
-    is all that it is off by, or for ``timeout_s``.
+    ``force`` [N] that is wanted, or let be; ``softness`` [m/N] of what is pressed on.
     """
 
     force: float
@@ -33,14 +32,25 @@ class Press(Step):
     timeout_s: float
     period_s: float
 
+    def late(self, state: State) -> bool:
+        """Tell whether the time is over."""
+        return state.cycle * self.period_s > self.timeout_s
+
+
+@dataclass(frozen=True, kw_only=True)
+class Press(Correction):
+    """Press the seated middle as hard as is wanted: arms do not know how high they stand.
+
+    Their height changes with the excess of force until that is at most a third of it.
+    """
+
     def advance(self, state: State) -> bool:
         """Go up or down a little."""
         excess = state.support(SUPPORT_CYCLES) - self.force
         at_the_end = abs(state.height) == self.most and excess * state.height > 0.0
-        waited = state.cycle * self.period_s
-        if abs(excess) <= self.force / 3 or at_the_end or waited > self.timeout_s:
+        if abs(excess) <= self.force / 3 or at_the_end or self.late(state):
             return False
-        moved = state.height + _PRESS_RATE_PER_S * self.period_s * self.softness * excess
+        moved = state.height + PRESS_RATE_PER_S * self.period_s * self.softness * excess
         state.height = min(max(moved, -self.most), self.most)
         state.cycle += 1
         return True
@@ -77,25 +87,19 @@ class Slack:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Level(Step):
+class Level(Correction):
     """Raise or lower each arm by itself until the flat sheet's end neither carries nor pulls it.
 
     The end of a flat sheet holds up an arm that is 0.3 mm too low as much as a tip does, but not
-    one that is raised by ``most`` [m]. Until it is within ``force`` [N], or for ``timeout_s``.
+    one that is raised by ``most`` [m].
     """
-
-    force: float
-    softness: float
-    most: float
-    timeout_s: float
-    period_s: float
 
     def advance(self, state: State) -> bool:
         """Raise or lower them a little."""
         excess, levels = state.ends_held_up(SUPPORT_CYCLES), np.array(state.levels)
         at_the_end = (np.abs(levels) == self.most) & (excess * levels > 0.0)
         off = (np.abs(excess) > self.force) & ~at_the_end
-        if not off.any() or state.cycle * self.period_s > self.timeout_s:
+        if not off.any() or self.late(state):
             return False
         moved = levels + _LEVEL_RATE_PER_S * self.period_s * self.softness * excess * off
         left, right = np.clip(moved, -self.most, self.most).tolist()

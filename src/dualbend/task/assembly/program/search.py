@@ -9,12 +9,11 @@ from typing import Literal
 
 import numpy as np
 
+from dualbend.task.assembly.program.held import PRESS_RATE_PER_S
+from dualbend.task.assembly.program.motions import Posture
 from dualbend.task.assembly.program.state import MEAN_CYCLES, SUPPORT_CYCLES, State, Tried
-from dualbend.task.assembly.program.steps import Move
+from dualbend.task.assembly.program.steps import Motion, Move
 from dualbend.types import Vector
-
-_PRESS_RATE_PER_S = 2.0
-"""Rate at which the press on a sheet that is held up is corrected; the loop bears four times it."""
 
 
 def rigid(_: float) -> float:
@@ -115,7 +114,7 @@ class MoveDown(Move):
             return False
         # Up or down a little, to reduce the excess of force.
         excess_n = support - 0.8 * holes.touch_n
-        back = _PRESS_RATE_PER_S * self.pace.period_s * holes.softness * excess_n
+        back = PRESS_RATE_PER_S * self.pace.period_s * holes.softness * excess_n
         pressed = {holes.coordinate: max(value + back, self.bottom)}
         state.posture = replace(state.posture, **pressed)
         state.pressed, state.still, state.seeking = state.pressed + 1, state.still + 1, True
@@ -123,7 +122,7 @@ class MoveDown(Move):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GoAside(Move):
+class GoAside(Motion):
     """Go to the next place of the search, by what was felt at those before.
 
     Where the sheet came down ``felt`` [m] lower than elsewhere a hole is at the flank of its tip,
@@ -137,14 +136,10 @@ class GoAside(Move):
     felt: float
     near: float
 
-    def advance(self, state: State) -> bool:
-        """Go on until the motion's time is over."""
-        if state.cycle == 0:
-            x, y, yaw = self.next(state.tried)
-            state.begin = state.posture
-            state.end = replace(state.posture, x=x, y=y, yaw=yaw)
-            state.cycles = self.pace.cycles(state.begin, state.end)
-        return state.go_on()
+    def target(self, state: State) -> Posture:
+        """Stay as high and as bent as before."""
+        x, y, yaw = self.next(state.tried)
+        return replace(state.posture, x=x, y=y, yaw=yaw)
 
     def next(self, tried: Sequence[Tried]) -> tuple[float, float, float]:
         """Return x, y [m] and yaw [rad] of the next place."""
@@ -165,16 +160,12 @@ class GoAside(Move):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Turn(Move):
+class Turn(Motion):
     """Turn the sheet from where its middle lies, by another angle in each attempt."""
 
     turns: Sequence[float]
 
-    def advance(self, state: State) -> bool:
-        """Go on until the motion's time is over."""
-        if state.cycle == 0:
-            more = self.turns[state.attempt] - self.turns[state.attempt - 1]
-            state.begin = state.posture
-            state.end = replace(state.posture, yaw=state.posture.yaw + more)
-            state.cycles = self.pace.cycles(state.begin, state.end)
-        return state.go_on()
+    def target(self, state: State) -> Posture:
+        """Go from the turn of the attempt before to that of this one."""
+        more = self.turns[state.attempt] - self.turns[state.attempt - 1]
+        return replace(state.posture, yaw=state.posture.yaw + more)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from dualbend.task.assembly.program.motions import Pace, interpolate
+from dualbend.task.assembly.program.motions import Posture, interpolate
 from dualbend.task.assembly.program.state import State
-from dualbend.task.assembly.program.steps import Step
+from dualbend.task.assembly.program.steps import Motion, Step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,15 +54,9 @@ class TouchPins(Step):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Centre(Step):
+class Centre(Motion):
     """Go back by half of the motion from one contact to the other."""
 
-    pace: Pace
-
-    def advance(self, state: State) -> bool:
-        """Go on until the motion's time is over."""
-        if state.cycle == 0:
-            middle = interpolate(state.posture, state.begin, 0.5)
-            state.begin, state.end = state.posture, middle
-            state.cycles = self.pace.cycles(state.begin, state.end)
-        return state.go_on()
+    def target(self, state: State) -> Posture:
+        """Return the middle between here and where the last motion began."""
+        return interpolate(state.posture, state.begin, 0.5)

@@ -45,7 +45,7 @@ class State:
     they stand too low; ``slack`` [m]: by how much farther out each is, since the flat sheet was
     pushed; ``levels`` (2,) [m]: by how much each is higher, since its end was held up.
     ``touch_from``: place from which the sheet is moved towards a pin. ``tried``: places at which
-    the middle holes did not find their pins.
+    the present pair of holes did not find its pins.
     """
 
     posture: Posture

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from dualbend.task.assembly.program.motions import Pace
+from dualbend.task.assembly.program.motions import Pace, Posture
 from dualbend.task.assembly.program.state import MEAN_CYCLES, State
 from dualbend.types import SIDES
 
@@ -21,7 +21,7 @@ class Step:
 
     ``alpha_ratio``: the compliance is that of a sheet bent as far as it is now, and at most this
     far, over the bending angle at which it is laid; None: no compliance. ``retry_only``: not in the
-    first attempt.
+    first attempt. ``relax``: the compliance goes back to no deviation meanwhile.
     """
 
     alpha_ratio: float | None = None
@@ -37,22 +37,32 @@ class Step:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Move(Step):
-    """Move some components of the posture, each to a value or to one value for each attempt."""
+class Motion(Step):
+    """Go from the present posture to another one."""
 
-    to: Mapping[str, float | tuple[float, ...]]
     pace: Pace
+
+    def target(self, state: State) -> Posture:
+        """Return where to go; asked once, where the motion begins."""
+        raise NotImplementedError
 
     def advance(self, state: State) -> bool:
         """Go on until the motion's time is over."""
         if state.cycle == 0:
-            target = {
-                name: value[state.attempt] if isinstance(value, tuple) else value
-                for name, value in self.to.items()
-            }
-            state.begin, state.end = state.posture, replace(state.posture, **target)
+            state.begin, state.end = state.posture, self.target(state)
             state.cycles = self.pace.cycles(state.begin, state.end)
         return state.go_on()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Move(Motion):
+    """Move some components of the posture."""
+
+    to: Mapping[str, float]
+
+    def target(self, state: State) -> Posture:
+        """Leave the others as they are."""
+        return replace(state.posture, **self.to)
 
 
 @dataclass(frozen=True, kw_only=True)

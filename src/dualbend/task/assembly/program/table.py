@@ -98,7 +98,11 @@ class AssemblyProgram:
         )
         self.path = path
         self.press_force_n = middle_force(sheet, path, config.press_m)
-        self.tip_force_n = middle_force(sheet, path, config.layout.pins.height_m)
+        heights = np.linspace(0.0, config.layout.pins.height_m, 7)
+        forces = np.array([middle_force(sheet, path, height) for height in heights])
+        self.tip_force_n = float(forces[-1])
+        self._middle_yields = partial(np.interp, xp=forces, fp=heights)
+        """By how much a force [N] holds the bent sheet's middle above its place [m]."""
         self.table = tuple(p for layer in range(config.sheets) for p in self._lay(layer))
 
     def begin(self) -> Execution:
@@ -183,7 +187,6 @@ class AssemblyProgram:
             self._move(z=tips + _TIP_MARGIN_M),
             replace(settle, retry_only=True),
             GoAside(
-                to={},
                 pace=self.pace,
                 places=config.search.places(),
                 turn=config.search.turn_rad,
@@ -207,7 +210,7 @@ class AssemblyProgram:
         """Unfold; where it is not the first time, bend up to the touch and turn before."""
         config = self.config
         turns = config.search.turns(config.layout.holes)
-        turn = Turn(to={}, pace=self.pace, turns=turns, alpha_ratio=1.0)
+        turn = Turn(pace=self.pace, turns=turns, alpha_ratio=1.0)
         slow = replace(self.pace, angular_rad_per_s=config.speeds.contact_rad_per_s)
         return [
             *(replace(move, retry_only=True) for move in (touch, turn)),
@@ -281,8 +284,6 @@ class AssemblyProgram:
         """Tell a tip from the press on the bent sheet, whose middle either holds up."""
         press_n, tip_n = self.press_force_n, self.tip_force_n
         held_up_m = _HELD_UP * self.config.layout.pins.height_m
-        heights = np.linspace(0.0, self.config.layout.pins.height_m, 7)
-        forces = np.array([middle_force(self.sheet, self.path, h) for h in heights])
         return HolePair(
             name="middle",
             coordinate="z",
@@ -294,7 +295,7 @@ class AssemblyProgram:
             softness=self.config.press_m / press_n,
             patience_s=2.0 * _PATIENCE_S,
             progress=_PROGRESS_M,
-            yields=partial(np.interp, xp=forces, fp=heights),
+            yields=self._middle_yields,
             attempts=1 + self.config.search.attempts,
         )
 
@@ -326,7 +327,7 @@ class AssemblyProgram:
         *,
         pace: Pace | None = None,
         alpha_ratio: float | None = None,
-        **to: float | tuple[float, ...],
+        **to: float,
     ) -> Move:
         return Move(to=to, pace=pace or self.pace, alpha_ratio=alpha_ratio)
 
