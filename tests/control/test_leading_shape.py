@@ -44,7 +44,13 @@ from dualbend.control.force_torque import (
 )
 from dualbend.control.guard import Guard, GuardConfig, SensorGuard
 from dualbend.control.response import CommandResponse, CommandResponseConfig
-from dualbend.control.servo import IntegralAction, IntegralConfig, JointServo
+from dualbend.control.servo import (
+    FrictionEstimate,
+    FrictionEstimateConfig,
+    IntegralAction,
+    IntegralConfig,
+    JointServo,
+)
 from dualbend.control.wrist import WristSensors
 from dualbend.types import PlanarPose, Vector, Wrench
 
@@ -170,6 +176,25 @@ def test_integral_action(worlds: Shape, seed: int) -> None:
         return [(action.update(row).copy(),) for row in error]
 
     assert_worlds_are_single_ones(stream, worlds, seed, {"error": (1e-3, (6,))})
+
+
+@FEW
+@given(WORLDS, SEEDS)
+def test_friction_estimate(worlds: Shape, seed: int) -> None:
+    one = np.linspace(1.0, 2.0, 6)
+
+    def stream(shape: Shape, _: list[int], error: Vector, speed: Vector) -> list[tuple[Any, ...]]:
+        found = FrictionEstimate(
+            FrictionEstimateConfig(),
+            stiffness=2e3 * one,
+            coulomb_friction=5.0 * one,
+            period_s=T,
+            shape=shape,
+        )
+        return [(found.update(*row).copy(),) for row in zip(error, speed, strict=True)]
+
+    scales = {"error": (1e-3, (6,)), "speed": (1e-2, (6,))}
+    assert_worlds_are_single_ones(stream, worlds, seed, scales)
 
 
 # --- sensors and guard --------------------------------------------------------------------------

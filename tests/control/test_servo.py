@@ -8,7 +8,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from dualbend.control.response import CommandResponse, CommandResponseConfig
-from dualbend.control.servo import IntegralAction, IntegralConfig, JointServo
+from dualbend.control.servo import (
+    FrictionEstimate,
+    FrictionEstimateConfig,
+    IntegralAction,
+    IntegralConfig,
+    JointServo,
+)
 
 Array = NDArray[np.float64]
 K = np.array([4.5e4, 0.57e4, 2.0e3])
@@ -163,3 +169,62 @@ def test_the_integral_stops_at_its_share_of_the_torque(sign: float) -> None:
 def test_without_integral_action_nothing_is_added() -> None:
     action = integral(None)
     np.testing.assert_array_equal(action.update(np.ones(3)), 0.0)
+
+
+SPEED = np.array([0.1, -0.02, 0.05])
+
+
+def estimate(config: FrictionEstimateConfig | None, coulomb: Array = COULOMB) -> FrictionEstimate:
+    return FrictionEstimate(config, stiffness=K, coulomb_friction=coulomb, period_s=0.028)
+
+
+def residual(ratio: Array, true: Array, speed: Array) -> Array:
+    """Return what the servo lacks, as an angle: k (q_r − q) = (ρ − r) T_c sign(v)."""
+    return (true - ratio) * COULOMB * np.sign(speed) / K
+
+
+def test_the_friction_estimate_comes_to_the_true_friction_with_its_time_constant() -> None:
+    true, found = np.array([0.6, 1.4, 1.7]), estimate(FrictionEstimateConfig(rate_per_s=2.0))
+    ratios = []
+    for _ in range(60):
+        ratios.append(found.update(residual(found.ratio, true, SPEED), SPEED))
+    # Analytic: a geometric sequence of ratio 1 − γ T.
+    left = (1.0 - 2.0 * 0.028) ** np.arange(1, 61)[:, np.newaxis]
+    np.testing.assert_allclose(ratios, true + (1.0 - true) * left, rtol=1e-12)
+    found.reset()
+    np.testing.assert_array_equal(found.ratio, 1.0)
+
+
+def test_a_wrong_weight_cancels_where_joints_move_forth_and_back() -> None:
+    found, load = estimate(FrictionEstimateConfig()), 0.5 * COULOMB / K
+    for n in range(400):
+        found.update(load, SPEED * (1.0 if n % 2 else -1.0))
+    np.testing.assert_allclose(found.ratio, 1.0, rtol=1e-12)  # symmetry
+
+
+def test_friction_is_told_by_moving_joints_only_and_within_bounds() -> None:
+    config = FrictionEstimateConfig(slowest_rad_per_s=0.03, largest=1.5)
+    no_friction = estimate(config, np.array([26.0, 6.4, 0.0]))
+    ratio = no_friction.update(0.5 * COULOMB / K, SPEED)
+    # The second joint is too slow, the third has no friction to be told.
+    np.testing.assert_array_equal(ratio[1:], 1.0)
+    assert ratio[0] > 1.0
+    for sign, bound in ((1.0, 1.5), (-1.0, 0.0)):
+        for _ in range(1000):
+            ratio = no_friction.update(np.full(3, sign), np.full(3, 0.1))
+        assert ratio[0] == bound
+
+
+def test_an_error_that_is_no_friction_counts_as_the_believed_one() -> None:
+    small, large = (estimate(FrictionEstimateConfig()) for _ in range(2))
+    np.testing.assert_allclose(
+        large.update(100.0 * COULOMB / K, np.ones(3)), small.update(COULOMB / K, np.ones(3))
+    )
+
+
+def test_without_an_estimate_the_believed_friction_is_fed_forward() -> None:
+    found, servo, still = estimate(None), make(), np.zeros(3)
+    ratio = found.update(np.ones(3), SPEED)
+    np.testing.assert_array_equal(ratio, 1.0)
+    fed = servo.setpoint(still, SPEED, still, np.full(3, 1.5)) - servo.setpoint(still, SPEED, still)
+    np.testing.assert_allclose(K * fed, 0.5 * COULOMB * np.sign(SPEED), rtol=1e-12)  # analytic

@@ -87,6 +87,7 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
             "cell.right={}",
             "compliance.predictor={lead_x_s=0.02,lead_rotation_s=0.02}",
             "robot.servo.integral={}",
+            "robot.servo.friction_estimate={}",
             "grasp.friction=0.5",
             "imperfections.robot.zero_rad=[0, 0, 0, 0, 0, 0]",
             "imperfections.events={arm_stop={}, power_failure={}, oil={}}",
@@ -109,7 +110,8 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
     ):
         held |= walk(msgspec.to_builtins(load_scenario("fig6", kinds)), "") - {
             *("task.misalignment", "cell.left", "cell.right"),
-            *("compliance.x", "compliance.rotation", "robot.servo.integral"),
+            *("compliance.x", "compliance.rotation"),
+            *("robot.servo.integral", "robot.servo.friction_estimate"),
             *(f"imperfections.events.{name}" for name in ("arm_stop", "power_failure", "oil")),
         }
     named = {".".join((*s.path, key.name)) for s in sections() for key in s.keys}
@@ -269,7 +271,10 @@ def test_what_is_switched_on_by_its_header_loads(base: str, tmp_path: Path) -> N
     text = re.sub(HIDDEN, "", text, flags=re.MULTILINE)
     path = tmp_path / "mine.toml"
     path.write_text(text, encoding="utf-8")
-    found = load_scenario(str(path), ["grasp.friction=0.5"])
+    with pytest.raises(InputError, match=r"robot\.servo\.friction_estimate: in this task the arms"):
+        load_scenario(str(path), ["grasp.friction=0.5"])
+    fits = ["grasp.friction=0.5", "robot.servo.friction_estimate=none"]
+    found = load_scenario(str(path), fits)
     assert found.compliance.x is not None
     assert found.compliance.rotation is not None
     assert misalignment_of(found) is not None

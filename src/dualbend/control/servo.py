@@ -49,10 +49,24 @@ class IntegralConfig(Config):
     ] = 0.5
 
 
+class FrictionEstimateConfig(Config):
+    """Estimate of the joints' Coulomb friction, from what they need while they move freely.
+
+    Friction changes with temperature, grease and wear. The rate is assumed.
+    """
+
+    rate_per_s: Annotated[float, said("at which an estimate comes to its value", gt=0, le=20)] = 2.0
+    slowest_rad_per_s: Annotated[
+        float, said("speed of a joint below which it tells nothing", gt=0, le=1)
+    ] = 3e-3
+    largest: Annotated[float, said("ratio to the believed friction", ge=1, le=10)] = 3.0
+
+
 class JointServoConfig(StiffnessConfig):
     """Stiffness and damping of the joint servos; each arm has a stiffness of its own by default."""
 
     integral: IntegralConfig | None = None
+    friction_estimate: FrictionEstimateConfig | None = None
 
     damping_ratio: Annotated[
         float, said("ζ of each joint by itself, 1 is critical [-]", gt=0, le=5)
@@ -64,7 +78,7 @@ class JointServo:
 
     The servo's torque is ``k (u − q) − c q̇``; it follows a reference (q_r, v_r, a_r) without error
     where the joint obeys ``J a + B v + T_c sign(v) = torque``, if it is sent
-    ``u = q_r + (c + B) v_r / k + J a_r / k + T_c tanh(v_r / v_0) / k``.
+    ``u = q_r + (c + B) v_r / k + J a_r / k + r T_c tanh(v_r / v_0) / k`` with r = 1.
 
     Parameters
     ----------
@@ -91,14 +105,67 @@ class JointServo:
         self._acceleration_gain = inertia / stiffness
         self._friction = coulomb_friction / stiffness
 
-    def setpoint(self, position: Vector, speed: Vector, acceleration: Vector) -> Vector:
-        """Return u (..., n) [rad] for a reference position, speed and acceleration (..., n)."""
+    def setpoint(
+        self,
+        position: Vector,
+        speed: Vector,
+        acceleration: Vector,
+        friction_ratio: Vector | float = 1.0,
+    ) -> Vector:
+        """Return u (..., n) [rad] for a reference position, speed and acceleration (..., n).
+
+        ``friction_ratio``: r, estimated over believed Coulomb friction.
+        """
         return np.asarray(
             position
             + self._speed_gain * speed
             + self._acceleration_gain * acceleration
-            + self._friction * np.tanh(speed / _COULOMB_SPEED_RAD_PER_S)
+            + friction_ratio * self._friction * np.tanh(speed / _COULOMB_SPEED_RAD_PER_S)
         )
+
+
+class FrictionEstimate:
+    """Estimate of n joints' Coulomb friction over the believed T_c, from free motion.
+
+    A joint that moves steadily and meets nothing but friction needs the torque
+    k (q_r − q + z) = (ρ − r) T_c sign(v_r) beyond what is fed forward, so that
+    r[n+1] = r[n] + γ T k (q_r − q + z) sign(v_r) / T_c comes to ρ with the time constant 1/γ. A
+    weight that is believed wrongly has the other sign where the joint moves back. Source: Canudas
+    de Wit, Åström, Braun, IEEE J. Robotics and Automation 3 (1987) 681.
+
+    ``coulomb_friction`` (n,) believed T_c; a joint without it has nothing to estimate.
+    """
+
+    def __init__(
+        self,
+        config: FrictionEstimateConfig | None,
+        *,
+        stiffness: Vector,
+        coulomb_friction: Vector,
+        period_s: float,
+        shape: tuple[int, ...] = (),
+    ) -> None:
+        self.config = config
+        self.ratio = np.ones((*shape, len(stiffness)))
+        rate = 0.0 if config is None else config.rate_per_s * period_s
+        has = coulomb_friction > 0.0
+        self._gain = rate * np.where(has, stiffness, 0.0) / np.where(has, coulomb_friction, 1.0)
+        self._most = rate
+
+    def reset(self) -> None:
+        """Believe in what is written down."""
+        self.ratio[:] = 1.0
+
+    def update(self, error: Vector, speed: Vector) -> Vector:
+        """Take q_r − q + z [rad] and the reference speed [rad/s], (..., n); return r (..., n).
+
+        An error of more than the believed friction counts as that: it comes from something else.
+        """
+        if self.config is not None:
+            moves = np.abs(speed) > self.config.slowest_rad_per_s
+            step = np.clip(self._gain * error, -self._most, self._most) * np.sign(speed)
+            self.ratio = np.clip(self.ratio + np.where(moves, step, 0.0), 0.0, self.config.largest)
+        return self.ratio
 
 
 class IntegralAction:

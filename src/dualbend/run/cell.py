@@ -12,7 +12,7 @@ from dualbend.beam import elastica
 from dualbend.control.brake import Brakes
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.control.response import CommandResponse
-from dualbend.control.servo import IntegralAction, JointServo
+from dualbend.control.servo import FrictionEstimate, IntegralAction, JointServo
 from dualbend.imperfection.robot import RobotErrors, Stribeck, TrueArms
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.scenario.scenario import Scenario
@@ -64,6 +64,12 @@ class RobotCell:
             self._friction = Stribeck(errors, model, simulation.data, simulation.dofs)
             simulation.on_step.append(self._friction.on_step)
         self.integral = make_integral(scenario, robots)
+        self.friction = FrictionEstimate(
+            scenario.robot.servo.friction_estimate,
+            stiffness=self.servo.stiffness,
+            coulomb_friction=robots.dof_frictionloss,
+            period_s=COMMAND_PERIOD_S,
+        )
         self.response = CommandResponse(
             scenario.robot.response,
             len(self.home),
@@ -127,6 +133,7 @@ class RobotCell:
         self.response.reset(self.home)
         self.brakes.reset()
         self.integral.reset()
+        self.friction.reset()
         if self._friction is not None:
             self._friction.rest()
 
@@ -160,12 +167,18 @@ class RobotCell:
         self.brakes.stop(joints, self.response.position, self.response.speed)
         return joints
 
-    def send(self, q: Vector) -> SensorSample:
-        """Run one command cycle towards the joint set-points (n,) [rad]."""
-        offset = self.integral.update(self.reference - self.simulation.q)
-        reference = self.brakes.update(self.response.update(q))
+    def send(self, q: Vector, *, free: bool = False) -> SensorSample:
+        """Run one command cycle towards the joint set-points (n,) [rad].
+
+        ``free``: nothing but the arms holds what they hold, so that they can tell their friction.
+        """
+        error = self.reference - self.simulation.q
+        offset = self.integral.update(error)
+        if free:
+            self.friction.update(error + offset, self.response.speed)
+        now = self.brakes.update(self.response.update(q))
         return self.simulation.advance(
-            self.servo.setpoint(reference.position, reference.velocity, reference.acceleration)
+            self.servo.setpoint(now.position, now.velocity, now.acceleration, self.friction.ratio)
             + offset
         )
 

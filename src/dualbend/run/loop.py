@@ -277,15 +277,20 @@ class Run:
             said = shortened(f"controller {name}, cycle {cycle}: {error}")
             raise ControllerFailed(said) from error
 
-    def send(self, targets: Targets, observation: Observed, command: Command) -> None:
-        """Command both grips' poses in the world and run the physics to the next cycle."""
+    def send(
+        self, targets: Targets, observation: Observed, command: Command, *, free: bool = False
+    ) -> None:
+        """Command both grips' poses in the world and run the physics to the next cycle.
+
+        ``free``: as :meth:`dualbend.run.cell.RobotCell.send` has it.
+        """
         ik = self.cell.ik
         solution = ik.solve(targets, 2.0 * self._q - self._previous)
         if not solution.reached:
             raise ProtectiveStop(f"commanded {ik.describe_miss(solution)}")
         self._previous, self._q = self._q, solution.q
         link = self._link
-        self.sample = self.cell.send(link.deliver(self._q) if link else self._q)
+        self.sample = self.cell.send(link.deliver(self._q) if link else self._q, free=free)
         wall_s = time.perf_counter() - self._began
         ages = link.ages if link else ()
         self.trace.record_control(observation, command, solution, wall_s, ages)

@@ -71,6 +71,11 @@ class Scenario(Config):
         """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""
         check_joint_counts(self.robot, self.cell, self.imperfections.robot)
         self.task.check(self.sheet, self.motion)
+        if self.robot.servo.friction_estimate is not None and not self.task.moves_freely:
+            raise InputError(
+                "robot.servo.friction_estimate: in this task the arms always bear the sheet's "
+                "forces; friction is told by arms that move freely, in an assembly"
+            )
         self._refuse_curved_shell()
         if self.imperfections.events.grips and self.grasp.friction is None:
             raise InputError(

@@ -21,6 +21,11 @@ class TaskConfig(Tagged):
     """What the scenario asks of a task; the struct of each task derives from it, with its tag."""
 
     @property
+    def moves_freely(self) -> bool:
+        """The arms do not always bear a load, so that they can tell their own friction."""
+        return False
+
+    @property
     def carried_share(self) -> float:
         """Share of the sheet's weight that one arm alone must be able to bear."""
         return 0.5

@@ -139,6 +139,11 @@ class AssemblyConfig(TaskConfig, tag="assembly"):
     timeout_s: Annotated[float, said("to wait for a phase's end", gt=0, le=600)] = 10.0
 
     @property
+    def moves_freely(self) -> bool:
+        """Arms that go for a sheet and carry it meet nothing but their own friction."""
+        return True
+
+    @property
     def carried_share(self) -> float:
         """One arm alone must be able to bear the sheet."""
         return 1.0

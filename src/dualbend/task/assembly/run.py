@@ -304,7 +304,7 @@ class AssemblyRun(Run):
         self.grippers.drive(goal.posture.opening)
         targets = carried_targets(command.pose.coordinates, moved)
         grip = self.cell.measured(seen)[:, :3] * BENDING_TO_WORLD
-        self.send(targets, observed, command)
+        self.send(targets, observed, command, free=goal.free)
         self.grippers.update()
         sensed = Sensed(
             net=net,
@@ -343,7 +343,7 @@ class AssemblyRun(Run):
         if goal.alpha_ratio is not None:
             wrench = self._task.state.contact_wrench(net)
             admittance.update(wrench, goal.alpha_ratio, goal.seeking)
-        elif goal.relax or goal.phase < PHASES.index("lower"):
+        elif goal.relax or goal.free:
             admittance.relax(self.config.speeds.travel_m_per_s)
         return admittance.deviation
 

@@ -69,6 +69,11 @@ class Goal:
     relax: bool = False
     attempt: int = 0
 
+    @property
+    def free(self) -> bool:
+        """Nothing but the arms holds the sheet yet."""
+        return self.phase < PHASES.index("lower")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Sensed:
