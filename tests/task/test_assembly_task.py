@@ -9,7 +9,7 @@ import dataclasses
 import math
 import pickle
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 
 import msgspec
@@ -24,12 +24,14 @@ from dualbend.beam.path import ExactPath
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.object import ObjectComplianceConfig
+from dualbend.errors import InputError
 from dualbend.run.outcome import TaskStopped
 from dualbend.scene.cell import GraspConfig
 from dualbend.task.assembly.config import AssemblyConfig, SearchConfig, SpeedsConfig
 from dualbend.task.assembly.program.execution import Execution
+from dualbend.task.assembly.program.middle import BentMiddle
 from dualbend.task.assembly.program.motions import CHECK, PHASES, Goal, Posture, Sensed
-from dualbend.task.assembly.program.table import AssemblyProgram, middle_force
+from dualbend.task.assembly.program.table import AssemblyProgram
 from support.sheets import STRIP
 
 Array = NDArray[np.float64]
@@ -63,6 +65,7 @@ def make(config: AssemblyConfig = COMPLIANT) -> AssemblyProgram:
         touch_rad=TOUCH_RAD,
         bend_speed_rad_per_s=0.15,
         period_s=COMMAND_PERIOD_S,
+        least_force_n=0.1,
     )
 
 
@@ -144,7 +147,7 @@ class World:
         press = self.program.press_force_n / softness * max(seat - posture.z, 0.0)
         if self.middle_at(posture):
             return press
-        stiffness = self.program.tip_force_n / HEIGHT
+        stiffness = self.program.middle.force(HEIGHT) / HEIGHT
         return max(press, stiffness * (seat + HEIGHT - posture.z))
 
     def _outer(self, goal: Goal) -> float:
@@ -202,8 +205,10 @@ def test_a_stack_is_that_many_times_the_same_each_a_thickness_higher() -> None:
         for phase, group in groupby(goals, key=lambda goal: goal.phase)
         if PHASES[phase] == "seat middle"
     ]
-    # Analytic: the bed, the sheets below, half of the sheet, less the press.
-    expected = [SEAT_Z + n * T - config.press_m for n in range(3)]
+    # Analytic: the bed, the sheets below, half of the sheet, less the press, and what the weight
+    # does not pull the bent sheet down.
+    press = config.press_m + world.program.middle.hang_m
+    expected = [SEAT_Z + n * T - press for n in range(3)]
     np.testing.assert_allclose(lowest, expected, atol=1e-12)
 
 
@@ -408,7 +413,7 @@ def test_a_gap_that_closes_stops_in_the_grasp(ends: tuple[bool, bool], side: str
     assert world.goals[-1].posture.z == pytest.approx(STAND_Z)
 
 
-@pytest.mark.parametrize("weight", [0.1, 0.45, 1.55])
+@pytest.mark.parametrize("weight", [0.1, 0.3, 1.7])
 def test_what_is_lifted_must_weigh_what_the_sheet_does(weight: float) -> None:
     world = World(make(), weight=weight)
     assert stopped(world) == (
@@ -417,8 +422,9 @@ def test_what_is_lifted_must_weigh_what_the_sheet_does(weight: float) -> None:
     assert phases(world.goals)[-1] == "lift"
 
 
-@pytest.mark.parametrize("weight", [0.55, 1.0, 1.45])
-def test_a_weight_within_half_of_it_is_carried_on(weight: float) -> None:
+@pytest.mark.parametrize("weight", [0.4, 1.0, 1.6])
+def test_a_weight_is_told_within_twice_what_sensors_are_wrong_by(weight: float) -> None:
+    """Twice 0.1 N are two thirds of this sheet's weight."""
     assert phases(play(World(make(), weight=weight))) == list(PHASES)
 
 
@@ -702,12 +708,34 @@ def held_force(height: float) -> float:
     return 2.0 * float(found.p[1])
 
 
-@pytest.mark.parametrize("height", [0.0, 0.2e-3, 2e-3, 6e-3])
-def test_the_force_between_rigid_grips_is_that_of_least_energy(height: float) -> None:
-    # Both solve the same equations, to 1e-6 or so: no discretisation to speak of.
-    assert middle_force(STRIP, PATH, height) == pytest.approx(
-        held_force(height), rel=1e-3, abs=1e-5
-    )
+def test_the_force_between_rigid_grips_is_that_of_the_rod() -> None:
+    middle = BentMiddle(STRIP, PATH, HEIGHT)
+    for height in np.linspace(0.0, HEIGHT, 4):
+        # Within what a sheet that may stretch differs from one that may not.
+        expected = held_force(middle.hang_m + float(height))
+        assert middle.force(float(height)) == pytest.approx(expected, rel=1e-2, abs=5e-3)
+        assert middle.yields(middle.force(float(height))) == pytest.approx(height)
+
+
+def test_yielding_grips_let_the_sheet_hang_less_deep_and_push_less() -> None:
+    """As with a spring in series: the thicker the sheet, the more."""
+
+    def yields(load: Array) -> Array:
+        return load * [2e-5, 2e-5, 4e-3]
+
+    hang, softer = [], []
+    for thickness in (0.5e-3, 1e-3, 1.5e-3):
+        sheet = replace(STRIP, thickness_m=thickness)
+        stiff, soft = BentMiddle(sheet, PATH, HEIGHT), BentMiddle(sheet, PATH, HEIGHT, yields)
+        hang.append(soft.hang_m - stiff.hang_m)
+        softer.append(soft.force(HEIGHT) / stiff.force(HEIGHT))
+    assert 0.0 < hang[0] < hang[1] < hang[2] < HEIGHT
+    assert 1.0 > softer[0] > softer[1] > softer[2] > 0.0
+
+
+def test_a_sheet_that_is_too_stiff_for_its_grips_is_refused() -> None:
+    with pytest.raises(InputError, match=r"sheet\.thickness_m = 0\.0015: the bent sheet pushes"):
+        BentMiddle(replace(STRIP, thickness_m=1.5e-3), PATH, HEIGHT, lambda w: w * [1e-4, 1e-3, 3e-2])
 
 
 @pytest.mark.parametrize("config", [COMPLIANT, RIGID])
@@ -722,4 +750,4 @@ def test_a_sheet_may_be_laid_without_any_press(config: AssemblyConfig) -> None:
 
 def test_the_press_is_less_than_what_tells_of_a_tip() -> None:
     program = make()
-    assert 0.0 < program.press_force_n < program.tip_force_n
+    assert 0.0 < program.press_force_n < program.middle.force(HEIGHT)

@@ -174,6 +174,10 @@ class IntegralAction:
     z[n+1] = z[n] + k_i T (q_r[n] − q[n]), held over the command period T and kept within what the
     allowed fraction of the torque limit moves the servo by, |z| <= f τ_max / k: an integral that
     has nothing to gain does not wind up further.
+
+    Attributes
+    ----------
+    most_n_m : torques (n,) that it may ask for
     """
 
     def __init__(
@@ -188,7 +192,8 @@ class IntegralAction:
         self.config = config
         fraction = 0.0 if config is None else config.torque_fraction
         self.gain = 0.0 if config is None else config.rate_per_s * period_s
-        self._limit = fraction * torque_limit / stiffness
+        self.most_n_m = fraction * torque_limit
+        self._limit = self.most_n_m / stiffness
         self._offset = np.zeros((*shape, len(stiffness)))
 
     def reset(self) -> None:

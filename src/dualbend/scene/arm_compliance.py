@@ -12,7 +12,7 @@ from dualbend.mechanics.compliance import endpoint_compliance, grasp_compliance
 from dualbend.mechanics.jacobian import PLANE, site_jacobian
 from dualbend.mechanics.tool import tool_inertia
 from dualbend.scene.cell import GraspConfig, robots_only
-from dualbend.scene.ik import InverseKinematics, grip_targets
+from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.types import SIDES, Vector
 
 
@@ -48,9 +48,14 @@ class ArmCompliance:
             grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad
         )
 
-    def move(self, pose: Vector) -> None:
-        """Go to x, z [m] and α [rad] of the grip; InputError where that is out of reach."""
-        targets = grip_targets(np.array([pose, pose]))
+    def move(self, pose: Vector, place: Vector | None = None) -> None:
+        """Go to x, z [m] and α [rad] of the grip; InputError where that is out of reach.
+
+        ``place`` (4,): where the bending frames are carried to, as
+        :func:`dualbend.scene.ik.carried_targets` has it, not turned; None: nowhere.
+        """
+        both = np.array([pose, pose])
+        targets = grip_targets(both) if place is None else carried_targets(both, place)
         solution = self._ik.solve(targets, self._q)
         if not solution.reached:
             solution = self._ik.solve_from_home(targets, self._home)
@@ -67,6 +72,17 @@ class ArmCompliance:
         It is that of loads which change faster than an integral action follows.
         """
         return endpoint_compliance(self._jacobian[PLANE, :], self._stiffness)
+
+    def displacement(self, load: Vector, held_n_m: Vector) -> Vector:
+        """Return x, z [m] and α [rad] (3,) by which joints and grasp yield to a steady load (3,).
+
+        δ = J q + C_g w, q_j = (|τ_j| − h_j)₊ sign(τ_j) / k_j and τ = Jᵀ w: integral action takes
+        off what its share h ``held_n_m`` (n,) of the torque limit holds.
+        """
+        jacobian = self._jacobian[PLANE, :]
+        torque = jacobian.T @ load
+        beyond = np.sign(torque) * np.maximum(np.abs(torque) - held_n_m[self._left], 0.0)
+        return np.asarray(jacobian @ (beyond / self._stiffness) + self.grasp @ load)
 
     @property
     def rest_compliance(self) -> Vector:

@@ -6,19 +6,14 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import msgspec
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.object import (
-    ObjectAdmittance,
-    ObjectComplianceConfig,
-    critical_rate,
-    net_wrench,
-)
+from dualbend.control.compliance.object import ObjectAdmittance, net_wrench
 from dualbend.control.delay import TransportDelay
-from dualbend.control.filters import LowPass
 from dualbend.errors import InputError
 from dualbend.imperfection.config import ImperfectionsConfig
 from dualbend.planning.plan import AssemblyPlan, plan_assembly
@@ -39,7 +34,7 @@ from dualbend.task.assembly.damage import Resolution, stop_at_damage
 from dualbend.task.assembly.metrics import final_holes, seated
 from dualbend.task.assembly.program.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program.table import AssemblyProgram
-from dualbend.task.assembly.stiffness import object_stiffness
+from dualbend.task.assembly.stiffness import grip_yields, object_stiffness, stable_rate
 from dualbend.task.assembly.workplace import check_workplace
 from dualbend.types import SIDES, PlanarPose, Side, Vector, Wrench
 
@@ -131,7 +126,8 @@ class AssemblyRun(Run):
         self._path = scenario.path.make(sheet.length_m)
         limit = scenario.limit_strain
         assert limit is not None  # an assembly has one
-        self.program = AssemblyProgram(
+        program = partial(
+            AssemblyProgram,
             config=self.config,
             sheet=sheet,
             grasp=scenario.grasp,
@@ -139,7 +135,10 @@ class AssemblyRun(Run):
             touch_rad=self.plan.range.reach_rad,
             bend_speed_rad_per_s=scenario.motion.speed_rad_per_s,
             period_s=COMMAND_PERIOD_S,
+            least_force_n=scenario.sensor.force_noise_n + scenario.sensor.force_resolution_n,
+            rehearse=scenario.robot.servo.friction_estimate is not None,
         )
+        self.program = program()
         start = self.program.start
         scenario = self.scenario = with_placements(scenario, self._targets())
         try:
@@ -147,6 +146,8 @@ class AssemblyRun(Run):
         except InputError as error:
             raise self._out_of_reach("approach", error) from error
         super().__init__(scenario, cell)
+        down = next(at for phase, at in self.program.waypoints() if phase == "lower")
+        self.program = program(yields=grip_yields(cell, self._pose(down), _place(down)))
         self._resolution = Resolution(cell.sheet.thickness_m, scenario.physics.step_s)
         self._limit_strain = limit * sheet.young_pa / cell.sheet.young_pa
         self._check_path()
@@ -159,7 +160,8 @@ class AssemblyRun(Run):
         simulation.parts = self.pins.parts
         if self.config.compliance is not None:
             self.stiffness = self._stiffness(cell)
-            self._mobility = self._rate(self.config.compliance) / self.stiffness
+            rate = stable_rate(scenario, cell.response) / self.config.compliance.gain_margin
+            self._mobility = rate / self.stiffness
 
     def _pose(self, posture: Posture) -> Vector:
         half, rise = self._path.at(posture.alpha)
@@ -237,17 +239,6 @@ class AssemblyRun(Run):
         self.pins.lay(len(self.laid) - 1)
         flat = np.zeros(self.scenario.sheet.model.sections + 1)
         self.cell.simulation.put_sheet(flat, *self._on_the_stand())
-
-    def _rate(self, compliance: ObjectComplianceConfig) -> float:
-        """Return the stiffness over damping [1/s] that gives the loop the margin asked for."""
-        scenario, step_s = self.scenario, self.scenario.physics.step_s
-        elements = [
-            LowPass(scenario.filter, period_s=COMMAND_PERIOD_S).transfer_function(),
-            TransportDelay(scenario.robot.alter.delay_cycles, 1).transfer_function(),
-            self.cell.response.transfer_function(),
-        ]
-        age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
-        return critical_rate(elements, age, COMMAND_PERIOD_S) / compliance.gain_margin
 
     def _stiffness(self, cell: RobotCell) -> Vector:
         """Return what the compliance works against along x, y and about z, at each of `BENDS`.
@@ -343,7 +334,7 @@ class AssemblyRun(Run):
         if goal.alpha_ratio is not None:
             wrench = self._task.state.contact_wrench(net)
             admittance.update(wrench, goal.alpha_ratio, goal.seeking)
-        elif goal.relax or goal.free:
+        elif goal.relax or goal.phase < PHASES.index("lower"):
             admittance.relax(self.config.speeds.travel_m_per_s)
         return admittance.deviation
 

@@ -1,16 +1,26 @@
-"""What the held sheet's compliance works against: its stiffness while the middle is on its pins."""
+"""What the arms' control works against: stiffness of the held sheet, of its grips, of the loop."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import mujoco
 import numpy as np
 
 from dualbend.beam import elastica
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.compliance.object import critical_rate
+from dualbend.control.delay import TransportDelay
+from dualbend.control.filters import LowPass
+from dualbend.control.response import CommandResponse
 from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.mechanics.jacobian import site_jacobian
 from dualbend.run.cell import RobotCell
+from dualbend.scenario.scenario import Scenario
+from dualbend.scene.arm_compliance import ArmCompliance
 from dualbend.scene.cell import PAD_SITE
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, bend_joint, twist_joint
+from dualbend.task.assembly.program.middle import Yields
 from dualbend.types import SIDES, Vector
 
 
@@ -59,6 +69,29 @@ def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: flo
     across = total[np.ix_(free, held)]
     softened = across.T @ np.linalg.solve(total[np.ix_(free, free)], across)
     return np.asarray(total[np.ix_(held, held)] - softened)
+
+
+def grip_yields(cell: RobotCell, pose: Vector, place: Vector) -> Yields:
+    """Return how a grip yields to the bent sheet, at x, z, α (3,) carried to a place (4,).
+
+    Of the left arm; the right one stands alike.
+    """
+    grasp, integral = cell.scenario.grasp, cell.scenario.robot.servo.integral
+    arm = ArmCompliance(cell.arms, cell.servo.stiffness, grasp, integrates=integral is not None)
+    arm.move(pose, place)
+    return partial(arm.displacement, held_n_m=cell.integral.most_n_m)
+
+
+def stable_rate(scenario: Scenario, response: CommandResponse) -> float:
+    """Return the stiffness over damping [1/s] at which the loop of the held sheet is marginal."""
+    elements = [
+        LowPass(scenario.filter, period_s=COMMAND_PERIOD_S).transfer_function(),
+        TransportDelay(scenario.robot.alter.delay_cycles, 1).transfer_function(),
+        response.transfer_function(),
+    ]
+    step_s = scenario.physics.step_s
+    age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
+    return critical_rate(elements, age, COMMAND_PERIOD_S)
 
 
 def _hinges(model: mujoco.MjModel, sign: float, pinned_m: float, cell: RobotCell) -> list[int]:

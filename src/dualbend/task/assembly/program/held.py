@@ -41,14 +41,16 @@ class Correction(Step):
 class Press(Correction):
     """Press the seated middle as hard as is wanted: arms do not know how high they stand.
 
-    Their height changes with the excess of force until that is at most a third of it.
+    Their height changes with the excess of force until that is at most ``band`` [N].
     """
+
+    band: float
 
     def advance(self, state: State) -> bool:
         """Go up or down a little."""
-        excess = state.support(SUPPORT_CYCLES) - self.force
+        excess = state.support(MEAN_CYCLES) - self.force
         at_the_end = abs(state.height) == self.most and excess * state.height > 0.0
-        if abs(excess) <= self.force / 3 or at_the_end or self.late(state):
+        if abs(excess) <= self.band or at_the_end or self.late(state):
             return False
         moved = state.height + PRESS_RATE_PER_S * self.period_s * self.softness * excess
         state.height = min(max(moved, -self.most), self.most)

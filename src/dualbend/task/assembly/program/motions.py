@@ -71,8 +71,8 @@ class Goal:
 
     @property
     def free(self) -> bool:
-        """Nothing but the arms holds the sheet yet."""
-        return self.phase < PHASES.index("lower")
+        """The arms hold nothing yet."""
+        return self.phase < PHASES.index("grasp")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,13 +14,12 @@ from functools import partial
 import numpy as np
 
 from dualbend.beam.path import BendingPath
-from dualbend.beam.rod.planar import solve_planar
 from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
-from dualbend.errors import InputError
 from dualbend.scene.cell import GraspConfig
 from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.program.execution import Execution, Phase
 from dualbend.task.assembly.program.held import Level, Press, Slack, Slacken
+from dualbend.task.assembly.program.middle import BentMiddle, Yields, rigid
 from dualbend.task.assembly.program.motions import CHECK, Pace, Posture
 from dualbend.task.assembly.program.search import GoAside, HolePair, MoveDown, Turn
 from dualbend.task.assembly.program.seats import Centre, TouchPins
@@ -60,10 +59,13 @@ class AssemblyProgram:
     """Table of phases and steps by which two robots lay a stack of sheets.
 
     It does not change: any number of executions may share it. ``sheet``: as the robots believe it
-    to be. ``grasp``: its rubber yields where pins hold the sheet. ``path``: half distance and rise
-    over the bending angle, up to that at which the sheet is laid. ``touch_rad``: bending angle at
-    which the outer holes come to the tips of their pins. ``bend_speed_rad_per_s``: highest speed of
-    the bending angle while the sheet bends in the air.
+    to be. ``grasp``: its rubber yields where pins hold the sheet; ``yields``: the grips do, to the
+    bent sheet. ``path``: half distance and rise over the bending angle, up to that at which the
+    sheet is laid. ``touch_rad``: bending angle at which the outer holes come to the tips of their
+    pins. ``bend_speed_rad_per_s``: highest speed of the bending angle while the sheet bends in the
+    air. ``least_force_n``: a difference of forces that noise, drift and cross-talk of the sensors
+    do not make. ``rehearse``: before the first sheet the arms go all the way without one, and learn
+    their friction.
     """
 
     def __init__(
@@ -76,9 +78,13 @@ class AssemblyProgram:
         touch_rad: float,
         bend_speed_rad_per_s: float,
         period_s: float,
+        least_force_n: float,
+        rehearse: bool = False,
+        yields: Yields = rigid,
     ) -> None:
         self.config, self.sheet, self.bend_rad = config, sheet, float(path.knots[-1])
         self.touch_rad, self.bend_speed_rad_per_s = touch_rad, bend_speed_rad_per_s
+        self.least_force_n, self.rehearse = least_force_n, rehearse
         k, arm = grasp.translational_stiffness_n_per_m, 0.5 * sheet.length_m
         turn = k * arm**2 + grasp.rotational_stiffness_n_m_per_rad
         self.rubber = 2.0 * np.array([k, k, turn])
@@ -97,12 +103,8 @@ class AssemblyProgram:
             opening=config.jaw_opening_m,
         )
         self.path = path
-        self.press_force_n = middle_force(sheet, path, config.press_m)
-        heights = np.linspace(0.0, config.layout.pins.height_m, 7)
-        forces = np.array([middle_force(sheet, path, height) for height in heights])
-        self.tip_force_n = float(forces[-1])
-        self._middle_yields = partial(np.interp, xp=forces, fp=heights)
-        """By how much a force [N] holds the bent sheet's middle above its place [m]."""
+        self.middle = BentMiddle(sheet, path, config.layout.pins.height_m, yields)
+        self.press_force_n = self.middle.force(config.press_m)
         self.table = tuple(p for layer in range(config.sheets) for p in self._lay(layer))
 
     def begin(self) -> Execution:
@@ -118,13 +120,18 @@ class AssemblyProgram:
             ("lift", {"z": posture.z + config.lift_m}),
             ("carry", {"y": 0.0, "z": seat + config.lift_m}),
             ("bend", {"alpha": self.bend_rad}),
-            ("lower", {"z": seat - config.press_m}),
+            ("lower", {"z": seat - self.down_m}),
             ("unfold", {"alpha": 0.0, "z": seat}),
             ("withdraw", {"retreat": config.retreat_m}),
         ):
             posture = replace(posture, **change)
             found.append((phase, posture))
         return found
+
+    @property
+    def down_m(self) -> float:
+        """By how much lower than its middle the bent sheet is sent, to press it on the bed [m]."""
+        return self.middle.hang_m + self.config.press_m
 
     def _seat_z(self, layer: int) -> float:
         return self.config.layout.bed.top_m + (0.5 + layer) * self.sheet.thickness_m
@@ -135,8 +142,12 @@ class AssemblyProgram:
         """Return the phases that lay a sheet on this many others."""
         config, start, move, wait = self.config, self.start, self._move, self._wait
         t, weight = self.sheet.thickness_m, self.sheet.mass_kg * GRAVITY_M_PER_S2
+        weighed = CheckWeight(weight, self.least_force_n)
         over = self._seat_z(layer) + config.lift_m
-        back = [move(z=over), move(x=0.0, y=start.y, yaw=0.0), move(z=start.z)] if layer else []
+        come = [move(z=over), move(x=0.0, y=start.y, yaw=0.0), move(z=start.z)] if layer else []
+        if self.rehearse and not layer:
+            away = [move(z=start.z + config.lift_m), move(y=0.0, z=over), move(alpha=self.bend_rad)]
+            come = [*away, move(alpha=0.0), move(y=start.y), move(z=start.z)]
         slow = replace(self.pace, angular_rad_per_s=self.bend_speed_rad_per_s)
         # The grips are where they were sent, and the noise has been averaged out.
         settle = partial(
@@ -155,11 +166,11 @@ class AssemblyProgram:
             [Slacken(slack=slack, timeout_s=config.timeout_s, alpha_ratio=0.0)] if slack else []
         )
         return [
-            Phase("approach", [*back, move(retreat=0.0), settle(), Measure("empty")]),
+            Phase("approach", [*come, move(retreat=0.0), settle(), Measure("empty")]),
             Phase("grasp", [move(opening=0.0), closed, CheckGrasp(t)]),
             Phase(
                 "lift",
-                [move(z=start.z + config.lift_m), settle(), CheckWeight(weight)],
+                [move(z=start.z + config.lift_m), settle(), weighed],
                 slack=slack,
             ),
             Phase("carry", [move(y=0.0, z=over), settle()], slack=slack),
@@ -203,7 +214,7 @@ class AssemblyProgram:
         """Go to a little before the touch, as on the middle pins; the press goes with the angle."""
         margin_rad = math.pi * _TIP_MARGIN_M / self.sheet.length_m
         alpha = min(self.touch_rad + margin_rad, self.bend_rad)
-        z = self._seat_z(layer) - self.config.press_m * alpha / self.bend_rad
+        z = self._seat_z(layer) - self.down_m * alpha / self.bend_rad
         return self._move(alpha_ratio=1.0, alpha=alpha, z=z, retreat=0.0)
 
     def _lower_outer(self, layer: int, touch: Move, holes: HolePair) -> Sequence[Step]:
@@ -221,6 +232,7 @@ class AssemblyProgram:
         if self.config.compliance is not None and self.press_force_n > 0.0:
             yield Press(
                 force=self.press_force_n,
+                band=max(self.press_force_n / 3.0, self.least_force_n),
                 softness=holes.softness,
                 most=_ARMS_OFF_M,
                 timeout_s=self.config.timeout_s,
@@ -232,7 +244,7 @@ class AssemblyProgram:
         if self.config.compliance is not None:
             overhang = 0.5 * self.sheet.length_m - self.config.layout.holes.outer.along_m
             yield Level(
-                force=0.5 * holes.touch_n,
+                force=max(0.5 * holes.touch_n, self.least_force_n),
                 # Of a beam from the outer hole to the grip, whose slopes stay.
                 softness=overhang**3 / (12.0 * self.sheet.bending_stiffness_nm2),
                 most=_ARMS_OFF_M,
@@ -282,20 +294,20 @@ class AssemblyProgram:
 
     def _middle_holes(self, layer: int) -> HolePair:
         """Tell a tip from the press on the bent sheet, whose middle either holds up."""
-        press_n, tip_n = self.press_force_n, self.tip_force_n
-        held_up_m = _HELD_UP * self.config.layout.pins.height_m
+        press_n, pin_m = self.press_force_n, self.config.layout.pins.height_m
+        tip_n, held_up_m = self.middle.force(pin_m), _HELD_UP * pin_m
         return HolePair(
             name="middle",
             coordinate="z",
-            target=self._seat_z(layer) - self.config.press_m,
+            target=self._seat_z(layer) - self.down_m,
             support=State.support,
-            touch_n=press_n + 0.1 * (tip_n - press_n),
-            missed_n=middle_force(self.sheet, self.path, held_up_m),
+            touch_n=press_n + max(0.1 * (tip_n - press_n), self.least_force_n),
+            missed_n=self.middle.force(held_up_m),
             short=held_up_m,
             softness=self.config.press_m / press_n,
             patience_s=2.0 * _PATIENCE_S,
             progress=_PROGRESS_M,
-            yields=self._middle_yields,
+            yields=self.middle.yields,
             attempts=1 + self.config.search.attempts,
         )
 
@@ -310,8 +322,8 @@ class AssemblyProgram:
             coordinate="alpha",
             target=0.0,
             support=State.end_support,
-            touch_n=0.4 * missed,
-            missed_n=missed,
+            touch_n=max(0.4 * missed, self.least_force_n),
+            missed_n=max(missed, self.least_force_n),
             short=_HELD_UP * self.touch_rad,
             # A grip rises by L/π for each radian.
             softness=math.pi / (stiffness * sheet.length_m),
@@ -344,22 +356,3 @@ class AssemblyProgram:
             top=top,
             timeout_s=self.config.timeout_s,
         )
-
-
-def middle_force(sheet: Sheet, path: BendingPath, height_m: float) -> float:
-    """Return the force [N] that holds the bent sheet's middle this much above its place.
-
-    Twice the end force of half the sheet, its middle level between two rigid grips. InputError
-    where no equilibrium is found.
-    """
-    bend_rad = float(path.knots[-1])
-    half, rise = path.at(bend_rad)
-    L, weight = sheet.length_m, sheet.mass_kg * GRAVITY_M_PER_S2
-    grip, middle = (-half, rise, bend_rad), (0.0, height_m, 0.0)
-    state = solve_planar(sheet.bending_stiffness_nm2, L / 2, grip, middle, weight / L)
-    if not state.converged:
-        raise InputError(
-            f"the force of the bent sheet held {1e3 * height_m:.2f} mm up was not found "
-            f"({state.reason}): the contact force could not be evaluated"
-        )
-    return -2.0 * state.right.force_z_n
