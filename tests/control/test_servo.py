@@ -178,28 +178,40 @@ def estimate(config: FrictionEstimateConfig | None, coulomb: Array = COULOMB) ->
     return FrictionEstimate(config, stiffness=K, coulomb_friction=coulomb, period_s=0.028)
 
 
-def residual(ratio: Array, true: Array, speed: Array) -> Array:
-    """Return what the servo lacks, as an angle: k (q_r − q) = (ρ − r) T_c sign(v)."""
-    return (true - ratio) * COULOMB * np.sign(speed) / K
+def driven(found: FrictionEstimate, true: Array, weight: Array, cycles: int, back: int) -> Array:
+    """Drive joints forth and back, ``back`` cycles each, and return the ratios of all cycles.
 
-
-def test_the_friction_estimate_comes_to_the_true_friction_with_its_time_constant() -> None:
-    true, found = np.array([0.6, 1.4, 1.7]), estimate(FrictionEstimateConfig(rate_per_s=2.0))
+    A joint lacks k (q_r − q) = (ρ − r) T_c sign(v) + w: ``true`` ρ, ``weight`` w / T_c.
+    """
     ratios = []
-    for _ in range(60):
-        ratios.append(found.update(residual(found.ratio, true, SPEED), SPEED))
-    # Analytic: a geometric sequence of ratio 1 − γ T.
-    left = (1.0 - 2.0 * 0.028) ** np.arange(1, 61)[:, np.newaxis]
-    np.testing.assert_allclose(ratios, true + (1.0 - true) * left, rtol=1e-12)
+    for n in range(cycles):
+        speed = SPEED * (1.0 if n // back % 2 == 0 else -1.0)
+        lacking = (true - found.ratio) * np.sign(speed) + weight
+        ratios.append(found.update(lacking * COULOMB / K, speed).copy())
+    return np.array(ratios)
+
+
+TRUE = np.array([0.6, 1.4, 1.7])
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.3, -0.2])
+def test_the_friction_estimate_comes_to_the_true_friction_whatever_the_weight(
+    weight: float,
+) -> None:
+    found = estimate(FrictionEstimateConfig(rate_per_s=2.0))
+    ratios = driven(found, TRUE, np.full(3, weight), 1200, 40)
+    np.testing.assert_allclose(ratios[-1], TRUE, rtol=1e-3)  # converged
     found.reset()
     np.testing.assert_array_equal(found.ratio, 1.0)
+    np.testing.assert_array_equal(driven(found, TRUE, np.full(3, weight), 1200, 40), ratios)
 
 
-def test_a_wrong_weight_cancels_where_joints_move_forth_and_back() -> None:
-    found, load = estimate(FrictionEstimateConfig()), 0.5 * COULOMB / K
-    for n in range(400):
-        found.update(load, SPEED * (1.0 if n % 2 else -1.0))
-    np.testing.assert_allclose(found.ratio, 1.0, rtol=1e-12)  # symmetry
+def test_one_direction_does_not_tell_friction_from_weight() -> None:
+    found = estimate(FrictionEstimateConfig(rate_per_s=2.0))
+    ratios = driven(found, TRUE, np.zeros(3), 60, 60)
+    # Analytic: half of what is lacking goes to either, by a geometric sequence of 1 − 2 γ T.
+    left = (1.0 - 4.0 * 0.028) ** np.arange(1, 61)[:, np.newaxis]
+    np.testing.assert_allclose(ratios, 1.0 + 0.5 * (TRUE - 1.0) * (1.0 - left), rtol=1e-12)
 
 
 def test_friction_is_told_by_moving_joints_only_and_within_bounds() -> None:
@@ -210,8 +222,9 @@ def test_friction_is_told_by_moving_joints_only_and_within_bounds() -> None:
     np.testing.assert_array_equal(ratio[1:], 1.0)
     assert ratio[0] > 1.0
     for sign, bound in ((1.0, 1.5), (-1.0, 0.0)):
-        for _ in range(1000):
-            ratio = no_friction.update(np.full(3, sign), np.full(3, 0.1))
+        for n in range(1000):
+            way = 1.0 if n % 2 else -1.0
+            ratio = no_friction.update(np.full(3, way * sign), np.full(3, way * 0.1))
         assert ratio[0] == bound
 
 

@@ -46,6 +46,19 @@ def test_draws_have_the_spread_that_the_scenario_gives() -> None:
     assert np.abs(correlation).max() < 4.0 / math.sqrt(n)
 
 
+def test_what_is_fed_forward_of_the_friction_is_uniform() -> None:
+    n, (low, high) = 500, SpreadConfig().fed_forward
+    share = np.array([1.0 / draw(PWB, 3, i).imperfections.robot.coulomb_ratio for i in range(n)])
+    # Statistical: Kolmogorov's distance to the uniform law, at the level of 1e-3.
+    found = np.sort((share - low) / (high - low))
+    assert np.abs(found - (np.arange(n) + 0.5) / n).max() < 1.95 / math.sqrt(n)
+
+
+def test_a_range_the_other_way_round_is_refused() -> None:
+    with pytest.raises(InputError, match=r"fed_forward = \[1.4, 0.6\]: the lower one comes first"):
+        load_scenario("pwb", ["task.spread.fed_forward=[1.4, 0.6]"])
+
+
 def test_the_robots_believe_what_they_believed() -> None:
     """Analytic: only the truth, and the noise's seed, differ from the scenario."""
     drawn = draw(PWB, 1, 5)
@@ -53,7 +66,9 @@ def test_the_robots_believe_what_they_believed() -> None:
     replace = msgspec.structs.replace
     holes = replace(config.layout.holes, errors_m=nominal.layout.holes.errors_m)
     believed = replace(config, errors=nominal.errors, layout=replace(config.layout, holes=holes))
-    assert replace(drawn, task=believed, seed=PWB.seed) == PWB
+    robot = replace(drawn.imperfections.robot, coulomb_ratio=1.0)
+    imperfections = replace(drawn.imperfections, robot=robot)
+    assert replace(drawn, task=believed, imperfections=imperfections, seed=PWB.seed) == PWB
     true, sheet = config.true_sheet(PWB.sheet.sheet()), PWB.sheet.sheet()
     factor = config.errors.thickness_factor
     assert true.mass_kg / sheet.mass_kg == pytest.approx(factor, rel=1e-12)

@@ -396,7 +396,8 @@ def test_none_unsets_an_optional_section_of_the_extended_scenario(tmp_path: Path
     assert isinstance(again, AssemblyConfig)
     assert again.compliance is not None
     assert again.compliance.gain_margin == 5.0
-    child.write_text('extends = "pwb"\nname = "child"\n[task]\nkind = "bending"\n')
+    bending = '[task]\nkind = "bending"\n[robot.servo]\nfriction_estimate = "none"\n'
+    child.write_text(f'extends = "pwb"\nname = "child"\n{bending}')
     assert load_scenario(str(child)).task == BendingConfig()
 
 
@@ -427,3 +428,21 @@ def test_none_unsets_nothing_where_nothing_was(tmp_path: Path) -> None:
     assembly = load_scenario(str(alone)).task
     assert isinstance(assembly, AssemblyConfig)
     assert assembly.compliance is None
+
+
+@pytest.mark.parametrize("true", [0.6, 1.0, 1.4])
+def test_before_the_first_sheet_the_arms_learn_their_friction(true: float) -> None:
+    """And no weight that they do not know: links that are 5 % heavier pull at some joints."""
+    errors = {"robot": {"coulomb_ratio": true, "link_mass_ratio": 1.05}}
+    run = AssemblyRun(load_scenario("pwb", {"imperfections": {"preset": "none", **errors}}))
+    run.begin()
+    phase = run.program.table[0].name
+    while phase == "approach":
+        run.step()
+        phase = PHASES[int(run.trace["phase"][-1])]
+    # By design: what is left after a motion forth and back is a tenth at most.
+    np.testing.assert_allclose(run.cell.friction.ratio, true, atol=0.06)
+    learned = run.cell.friction.ratio.copy()
+    for _ in range(100):
+        run.step()
+    np.testing.assert_array_equal(run.cell.friction.ratio, learned)

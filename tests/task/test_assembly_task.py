@@ -585,7 +585,8 @@ def test_each_arm_finds_the_height_at_which_the_end_of_a_flat_sheet_is_not_held_
 
 def test_an_end_on_a_tip_is_not_raised_off_it() -> None:
     world = World(make(), outer_at=lambda _: False, ends_too_low_m=(0.3e-3, 0.3e-3))
-    assert "the outer holes did not find their pins in 21 attempts" in stopped(world)
+    # By design: in place, and four turns to either side, each by the play of the outer holes.
+    assert "the outer holes did not find their pins in 9 attempts" in stopped(world)
     # By design: a millimetre.
     assert max(max(goal.levels) for goal in world.goals) == 1e-3
 
@@ -735,7 +736,9 @@ def test_yielding_grips_let_the_sheet_hang_less_deep_and_push_less() -> None:
 
 def test_a_sheet_that_is_too_stiff_for_its_grips_is_refused() -> None:
     with pytest.raises(InputError, match=r"sheet\.thickness_m = 0\.0015: the bent sheet pushes"):
-        BentMiddle(replace(STRIP, thickness_m=1.5e-3), PATH, HEIGHT, lambda w: w * [1e-4, 1e-3, 3e-2])
+        BentMiddle(
+            replace(STRIP, thickness_m=1.5e-3), PATH, HEIGHT, lambda w: w * [1e-4, 1e-3, 3e-2]
+        )
 
 
 @pytest.mark.parametrize("config", [COMPLIANT, RIGID])

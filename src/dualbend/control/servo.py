@@ -127,11 +127,11 @@ class JointServo:
 class FrictionEstimate:
     """Estimate of n joints' Coulomb friction over the believed T_c, from free motion.
 
-    A joint that moves steadily and meets nothing but friction needs the torque
-    k (q_r − q + z) = (ρ − r) T_c sign(v_r) beyond what is fed forward, so that
-    r[n+1] = r[n] + γ T k (q_r − q + z) sign(v_r) / T_c comes to ρ with the time constant 1/γ. A
-    weight that is believed wrongly has the other sign where the joint moves back. Source: Canudas
-    de Wit, Åström, Braun, IEEE J. Robotics and Automation 3 (1987) 681.
+    A joint that moves steadily and meets nothing but friction and a weight w that is believed
+    wrongly needs the torque k (q_r − q + z) = (ρ − r) T_c sign(v_r) + w beyond what is fed forward.
+    With ε = k (q_r − q + z) / T_c − b, r[n+1] = r[n] + γ T ε sign(v_r) and b[n+1] = b[n] + γ T ε
+    come to ρ and w / T_c, where it moves forth and back. Source: Canudas de Wit, Åström, Braun,
+    IEEE J. Robotics and Automation 3 (1987) 681.
 
     ``coulomb_friction`` (n,) believed T_c; a joint without it has nothing to estimate.
     """
@@ -146,15 +146,15 @@ class FrictionEstimate:
         shape: tuple[int, ...] = (),
     ) -> None:
         self.config = config
-        self.ratio = np.ones((*shape, len(stiffness)))
-        rate = 0.0 if config is None else config.rate_per_s * period_s
+        self.ratio, self._weight = np.ones((2, *shape, len(stiffness)))
+        self._rate = 0.0 if config is None else config.rate_per_s * period_s
         has = coulomb_friction > 0.0
-        self._gain = rate * np.where(has, stiffness, 0.0) / np.where(has, coulomb_friction, 1.0)
-        self._most = rate
+        self._share = np.where(has, stiffness, 0.0) / np.where(has, coulomb_friction, 1.0)
+        self.reset()
 
     def reset(self) -> None:
         """Believe in what is written down."""
-        self.ratio[:] = 1.0
+        self.ratio[:], self._weight[:] = 1.0, 0.0
 
     def update(self, error: Vector, speed: Vector) -> Vector:
         """Take q_r − q + z [rad] and the reference speed [rad/s], (..., n); return r (..., n).
@@ -163,8 +163,10 @@ class FrictionEstimate:
         """
         if self.config is not None:
             moves = np.abs(speed) > self.config.slowest_rad_per_s
-            step = np.clip(self._gain * error, -self._most, self._most) * np.sign(speed)
-            self.ratio = np.clip(self.ratio + np.where(moves, step, 0.0), 0.0, self.config.largest)
+            more = np.clip(self._share * error - self._weight, -1.0, 1.0) * moves
+            ratio = self.ratio + self._rate * more * np.sign(speed)
+            self.ratio = np.clip(ratio, 0.0, self.config.largest)
+            self._weight = self._weight + self._rate * more
         return self.ratio
 
 

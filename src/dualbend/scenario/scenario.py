@@ -74,7 +74,8 @@ class Scenario(Config):
         if self.robot.servo.friction_estimate is not None and not self.task.moves_freely:
             raise InputError(
                 "robot.servo.friction_estimate: in this task the arms always bear the sheet's "
-                "forces; friction is told by arms that move freely, in an assembly"
+                'forces; friction is told by arms that move freely, in an assembly. "none" '
+                "switches it off"
             )
         self._refuse_curved_shell()
         if self.imperfections.events.grips and self.grasp.friction is None:

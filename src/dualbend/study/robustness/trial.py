@@ -79,6 +79,7 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
     misalignment_m: float
     errors: ErrorsConfig
     hole_errors_m: tuple[tuple[float, float], ...]
+    coulomb_ratio: _Size
 
 
 def cases(scenario: Scenario) -> tuple[bool, ...]:
@@ -93,6 +94,7 @@ def settings(trial: Trial) -> dict[str, str]:
         for name, value in msgspec.to_builtins(trial.errors).items()
     }
     found["task.layout.holes.errors_m"] = json.dumps(trial.hole_errors_m)
+    found["imperfections.robot.coulomb_ratio"] = repr(trial.coulomb_ratio)
     return found if trial.compliance else {**found, "task.compliance": "none"}
 
 
@@ -125,6 +127,7 @@ def trial(drawn: Scenario, index: int, **ended: bool | str | float | None) -> Tr
         "misalignment_m": misalignment(drawn),
         "errors": config.errors,
         "hole_errors_m": config.layout.holes.errors_m,
+        "coulomb_ratio": drawn.imperfections.robot.coulomb_ratio,
     }
     return msgspec.convert({**ended, **fixed}, Trial)
 
@@ -175,7 +178,7 @@ def refuse_strangers(scenario: Scenario, seed: int, trials: Sequence[Trial]) -> 
             raise InputError(f"{at}: the scenario has none")
         drawn = draw(scenario, seed, one.index)
         expected = trial(drawn, one.index, success=False, outcome=one.outcome)
-        for name in ("seed", "misalignment_m", "errors", "hole_errors_m"):
+        for name in ("seed", "misalignment_m", "errors", "hole_errors_m", "coulomb_ratio"):
             said, value = getattr(one, name), getattr(expected, name)
             a, b = _flat(said), _flat(value)
             # Another machine's logarithm may differ in its last digit.

@@ -52,11 +52,13 @@ class SearchConfig(Config):
         """Return how far the sheet is turned for the outer holes [rad].
 
         The middle is on its pins already: to both sides, in equal steps up to the turn that its
-        clearance leaves. A larger one would only press the middle holes on their pins.
+        clearance leaves. A larger one would only press the middle holes on their pins. The steps
+        are as large as the play of the outer holes: none lies between two of them.
         """
-        room, steps = 0.5 * holes.clearance_m / holes.middle.along_m, -(-self.attempts // 2)
-        sides = [(1 if n % 2 == 0 else -1) * (1 + n // 2) / steps for n in range(self.attempts)]
-        return [0.0, *(room * side for side in sides)]
+        room = 0.5 * holes.clearance_m / holes.middle.along_m
+        steps = math.ceil(holes.outer.along_m / holes.middle.along_m) if holes.middle.along_m else 1
+        sides = [side * n / steps for n in range(1, steps + 1) for side in (1, -1)]
+        return [0.0, *(room * side for side in sides[: self.attempts])]
 
 
 DEFAULT_YIELD_PA = 193e6
@@ -98,10 +100,14 @@ class ErrorsConfig(Config):
     )
 
 
+_Share = Annotated[float, msgspec.Meta(ge=0.2, le=5)]
+
+
 class SpreadConfig(Config):
     """Standard deviations of what differs from sheet to sheet; those without a unit are relative.
 
-    ``hole_m`` is that of each hole along the sheet, and across it.
+    ``hole_m`` is that of each hole along the sheet, and across it. ``fed_forward`` is no standard
+    deviation but a range, all of it equally likely.
     """
 
     pickup_x_m: Annotated[float, said("of where the sheet lies along x", ge=0, le=0.1)] = 0.3e-3
@@ -115,6 +121,16 @@ class SpreadConfig(Config):
     thickness: Annotated[float, said("of true over believed thickness", ge=0, le=1)] = 0.02
     modulus: Annotated[float, said("of true over believed Young's modulus", ge=0, le=1)] = 0.02
     friction: Annotated[float, said("of true over believed friction", ge=0, le=1)] = 0.2
+    fed_forward: Annotated[
+        tuple[_Share, _Share],
+        said("joints' friction that is fed forward over the true one, lowest and highest"),
+    ] = (0.6, 1.4)
+
+    def __post_init__(self) -> None:
+        """Refuse a range whose ends are the other way round."""
+        low, high = self.fed_forward
+        if low > high:
+            raise ValueError(f"fed_forward = [{low:g}, {high:g}]: the lower one comes first")
 
 
 class AssemblyConfig(TaskConfig, tag="assembly"):

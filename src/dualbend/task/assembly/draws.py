@@ -21,7 +21,8 @@ def draw(scenario: Scenario, seed: int, index: int) -> Scenario:
     Of SeedSequence(seed)'s child ``index``: it depends on no other draw. Lengths and angles are
     normal with the standard deviations of ``task.spread``. Relative ones multiply by
     exp(σ z − σ²/2), σ² = ln(1 + s²): log-normal, of mean 1 and standard deviation s, above zero.
-    The seed of the sensors' noise is drawn as well. InputError without an assembly.
+    What is fed forward of the joints' friction is uniform in its range. The seed of the sensors'
+    noise is drawn as well. InputError without an assembly.
     """
     config = assembly_of(scenario)
     spread, errors, holes = config.spread, config.errors, config.layout.holes
@@ -41,7 +42,12 @@ def draw(scenario: Scenario, seed: int, index: int) -> Scenario:
     replace = msgspec.structs.replace
     layout = replace(config.layout, holes=replace(holes, errors_m=places))
     task = replace(config, errors=drawn, layout=layout)
-    return replace(scenario, task=task, seed=int(rng.integers(2**31)))
+    noise, imperfections = int(rng.integers(2**31)), scenario.imperfections
+    ratio = imperfections.robot.coulomb_ratio / float(rng.uniform(*spread.fed_forward))
+    robot = replace(imperfections.robot, coulomb_ratio=ratio)
+    return replace(
+        scenario, task=task, imperfections=replace(imperfections, robot=robot), seed=noise
+    )
 
 
 def _factor(relative: float, z: float) -> float:

@@ -29,7 +29,8 @@ class HolePair:
     ``touch_n`` it stops the motion; above ``missed_n``, or where the motion ended ``short`` of its
     target, the holes are not on their pins. ``softness``: motion per force [m/N] or [rad/N].
     Pressed for ``patience_s`` without ``progress``, they come no further. ``yields``: how far a
-    force [N] holds them above the coordinate.
+    force [N] holds them above the coordinate. ``cannot``: what it means that they went ``felt``
+    down at two places, one hole on a pin then, and did not come on; 0: of any end of the search.
     """
 
     name: Literal["middle", "outer"]
@@ -41,6 +42,8 @@ class HolePair:
     short: float
     softness: float
     attempts: int
+    cannot: str
+    felt: float
     patience_s: float = math.inf
     progress: float = 0.0
     yields: Callable[[float], float] = rigid
@@ -72,9 +75,12 @@ class HolePair:
         if support < self.missed_n:
             left = f"{1e3 * short:.3g} mm" if self.coordinate == "z" else f"{short:.3g} rad"
             reason = f"{left} short of its place"
+        highest = max((one.height for one in state.tried), default=0.0)
+        low = sum(one.height <= highest - self.felt for one in state.tried)
+        cannot = f"; {self.cannot}" if low >= 2 else ""
         raise state.stopped(
             f"the {self.name} holes did not find their pins in {tries}: "
-            f"{held} is held up with {support:.2f} N, {reason}"
+            f"{held} is held up with {support:.2f} N, {reason}{cannot}"
         )
 
 

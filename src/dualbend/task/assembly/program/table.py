@@ -309,6 +309,9 @@ class AssemblyProgram:
             progress=_PROGRESS_M,
             yields=self.middle.yields,
             attempts=1 + self.config.search.attempts,
+            cannot="one was on its pin and the other was not, however the sheet was turned: are "
+            "pins and holes as far apart, as thick, as drawn?",
+            felt=_FELT_M,
         )
 
     def _outer_holes(self) -> HolePair:
@@ -329,7 +332,10 @@ class AssemblyProgram:
             softness=math.pi / (stiffness * sheet.length_m),
             patience_s=_PATIENCE_S,
             progress=math.pi / sheet.length_m * _PROGRESS_M,
-            attempts=1 + self.config.search.attempts,
+            attempts=len(self.config.search.turns(layout.holes)),
+            cannot="the middle ones are on theirs, and were turned through all of their play: pins "
+            "or holes are not as far apart, or as thick, as drawn",
+            felt=0.0,
         )
 
     # -- its steps --------------------------------------------------------------------------
