@@ -234,6 +234,10 @@ def test_what_is_not_as_it_must_be_is_listed_with_a_command_that_repeats_it() ->
     assert command[:5] == ["dualbend", "run", "pwb", "--seed", "3"]
     assert tuple(command[6::2]) == settings
     assert len(list(wrong([made_up(), stopped, failed], lays=True))) == 2
+    sunk = made_up(outcome="failed", reason="lower: which no metal does")
+    assert next(wrong([sunk], lays=False)).startswith(
+        "* case, seed 1: failed: failed, lower: which"
+    )
     refused = made_up(outcome="refused", reason="no angle")
     assert not list(wrong([refused], lays=True))
 

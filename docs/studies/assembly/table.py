@@ -62,7 +62,8 @@ def _interval(count: int, n: int) -> str:
 def wrong(runs: Sequence[Ran], *, lays: bool) -> Iterator[str]:
     """Yield a Markdown item for each run that is not as it must be, with its command.
 
-    ``lays``: every sheet must be laid, or refused before the run.
+    ``lays``: every sheet must be laid, or refused before the run. A run that failed is told also
+    where nothing was broken: the sheet was let go unseated, say, or the simulated contact was none.
     """
     for run in runs:
         problems = [
@@ -71,6 +72,7 @@ def wrong(runs: Sequence[Ran], *, lays: bool) -> Iterator[str]:
                 ("unsafe", not run.safe),
                 ("let go unseated", run.false_seated),
                 ("stopped though seated", run.false_unseated),
+                ("failed", run.safe and run.outcome == "failed"),
                 ("not laid", lays and run.outcome not in ("completed", "refused")),
             )
             if holds
