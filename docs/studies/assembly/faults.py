@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 
 import msgspec
 
@@ -15,6 +16,8 @@ from dualbend.types import SIDES
 Settings = tuple[str, ...]
 
 FAULT_FREE = "fault-free"
+SCENARIOS = ("pwb", "pwb-misaligned")
+"""In the first, hardly anything touches a pin before the seats are checked."""
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -66,8 +69,9 @@ STANDING: dict[str, Callable[[int], Settings]] = {
 
 def fault_free(seeds: int) -> Iterator[Case]:
     """Yield the runs that tell when each phase begins and ends."""
-    for always in dict.fromkeys(event.always for event in EVENTS):
-        yield from (Case(FAULT_FREE, seed, always) for seed in range(1, seeds + 1))
+    each = dict.fromkeys(event.always for event in EVENTS)
+    for always, scenario, seed in product(each, SCENARIOS, range(1, seeds + 1)):
+        yield Case(FAULT_FREE, seed, always, scenario)
 
 
 def faults(seeds: int, fault_free: Sequence[Ran]) -> Iterator[Case]:
@@ -75,14 +79,13 @@ def faults(seeds: int, fault_free: Sequence[Ran]) -> Iterator[Case]:
 
     On the left for even seeds, on the right for odd ones.
     """
-    told = {(run.case.settings, run.case.seed): run.phases for run in fault_free}
-    for event in EVENTS:
-        for phase in PHASES:
-            for seed in range(1, seeds + 1):
-                phases = told[event.always, seed]
-                if phase in phases:
-                    at_s, side = sum(phases[phase]) / 2.0, SIDES[seed % len(SIDES)]
-                    settings = (*event.always, *event.settings(at_s, side))
-                    yield Case(f"{event.name} in {phase}", seed, settings)
-    for name, settings_of in STANDING.items():
-        yield from (Case(name, seed, settings_of(seed)) for seed in range(1, seeds + 1))
+    told = {run.case: run.phases for run in fault_free}
+    runs = list(product(SCENARIOS, range(1, seeds + 1)))
+    for event, phase, (scenario, seed) in product(EVENTS, PHASES, runs):
+        phases = told[Case(FAULT_FREE, seed, event.always, scenario)]
+        if phase in phases:
+            at_s, side = sum(phases[phase]) / 2.0, SIDES[seed % len(SIDES)]
+            settings = (*event.always, *event.settings(at_s, side))
+            yield Case(f"{event.name} in {phase}", seed, settings, scenario)
+    for (name, settings_of), (scenario, seed) in product(STANDING.items(), runs):
+        yield Case(name, seed, settings_of(seed), scenario)
