@@ -405,3 +405,38 @@ def test_a_laid_sheet_is_a_copy_of_every_strip() -> None:
     # Analytic: the same poses, through a quaternion.
     np.testing.assert_allclose(scene.data.xpos[copies], place, atol=1e-12)
     np.testing.assert_allclose(scene.data.xmat[copies], turn, atol=1e-12)
+
+
+# --- pins that are not as drawn -----------------------------------------------------------------
+
+
+def test_pins_may_be_thicker_than_drawn_or_missing_while_the_holes_stay() -> None:
+    pins = PinsConfig(thicker_m=(0.0, 1e-4, 0.0, -1e-4), missing=("outer_left",))
+    model, drawn = Scene(LayoutConfig(pins=pins)).model, Scene(ROUND).model
+    for hole, more in zip(HOLES, pins.thicker_m, strict=True):
+        # Exact, but for rounding: a radius is half of it; holes belong to the drawn pins.
+        radius = model.geom(f"pin_{hole}").size[0]
+        assert 2.0 * radius == pytest.approx(pins.diameter_m + more, rel=1e-12)
+        assert model.site(f"hole_{hole}").size[0] == drawn.site(f"hole_{hole}").size[0]
+    shown = [model.geom(f"pin_{hole}").group.item() == 2 for hole in HOLES]
+    assert shown == pins.stand.tolist() == [True, True, False, True]
+
+
+def test_a_pin_that_is_thicker_than_its_hole_does_not_let_it_down() -> None:
+    thick = LayoutConfig(pins=PinsConfig(thicker_m=(0.0, 3e-4, 0.0, 0.0)))
+    heights = fallen(thick, 0.0, 0.0, 0.0).pins.offsets()[:, 2]
+    # Analytic: a round tip of radius R is as thick as the hole, r, √(R² − r²) above its foot.
+    large, small = 0.5 * (4.76e-3 + 3e-4), 0.5 * (4.76e-3 + 0.2e-3)
+    rim = thick.pins.height_m - large + math.sqrt(large**2 - small**2)
+    # Discretisation-limited: towards a box's corner there are 12 µm more, and a tip is steep.
+    assert heights[HOLES.index("middle_right")] == pytest.approx(rim, abs=0.2e-3)
+
+
+def test_a_sheet_lies_on_the_tips_of_the_pins_that_stand() -> None:
+    scene = fallen(LayoutConfig(pins=PinsConfig(missing=("outer_left",))), 3e-3, 0.0, 0.0)
+    on_pins = {scene.model.geom(other).name for _, other, _ in scene.contacts()}
+    assert {f"pin_{hole}" for hole in HOLES} - on_pins >= {"pin_outer_left"}
+    assert scene.data.sensor("net_outer_left").data.tolist() == [0.0, 0.0, 0.0]
+    total = np.sum([force for _, _, force in scene.contacts()], axis=0)
+    # Statics, as with all pins.
+    np.testing.assert_allclose(total, [0.0, 0.0, WEIGHT_N], atol=0.02 * WEIGHT_N)

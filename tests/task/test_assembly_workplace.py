@@ -86,6 +86,13 @@ def test_the_limit_itself_is_accepted_and_a_little_beyond_is_not(
         check_workplace(changed(key, kind(sign * beyond)), WIDE)
 
 
+def test_a_pin_too_thick_for_its_round_tip_is_refused() -> None:
+    short = PinsConfig(diameter_m=0.01, height_m=5.5e-3, thicker_m=(0.0, 0.0, 1.1e-3, 0.0))
+    layout = msgspec.structs.replace(FINE.layout, pins=short)
+    with pytest.raises(InputError, match=r"pins\.thicker_m = .*; at most 0\.001$"):
+        check_workplace(msgspec.structs.replace(FINE, layout=layout), STRIP)
+
+
 def test_a_hole_beside_the_sheet_is_refused() -> None:
     # Half the sheet's width less the hole's radius.
     most = 0.5 * 0.057 - 0.5 * (4.76e-3 + 0.2e-3)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from dualbend.errors import InputError
 from dualbend.planning.plan import plan_assembly
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
@@ -16,6 +17,7 @@ from dualbend.task.assembly.metrics import (
     hole_table,
     metrics,
     middle_spacing,
+    not_seated,
     peaks,
     phase_table,
     pin_table,
@@ -99,6 +101,35 @@ def test_a_seated_hole_is_around_its_pin_and_down(
     holes = SEATED.copy()
     holes[1] = x, y, z
     assert seated(run(phase=[0], laid=(holes,))).tolist() == [[True, holds, True, True]]
+
+
+def test_a_thicker_pin_leaves_its_hole_less_room() -> None:
+    tight = load_scenario("pwb", ["task.layout.pins.thicker_m=[0, 1e-4, 0, 0]"])
+    for x, holds in ((0.69e-4, True), (0.71e-4, False)):
+        laid = SEATED + np.array([x, 0.0, 0.0])
+        assert seated(run(tight, phase=[0], laid=(laid,))).tolist() == [[True, holds, True, True]]
+
+
+def test_no_hole_is_seated_on_a_pin_that_is_missing() -> None:
+    gone = load_scenario("pwb", ['task.layout.pins.missing=["outer_left"]'])
+    result = run(gone, phase=[0], laid=(SEATED,))
+    assert seated(result).tolist() == [[True, True, False, True]]
+    assert not_seated(result, 0) == "there is no outer_left pin"
+    assert metrics(result)["wrong_seat_checks"].value == 1.0  # it was let go
+    assert not_seated(run(phase=[0], laid=(SEATED,)), 0) == ""
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("thicker_m=[0, 0.01, 0, 0]", r"pins\.thicker_m\[1\]"),
+        ("thicker_m=[0, 0]", r"pins\.thicker_m"),
+        ('missing=["left"]', r"pins\.missing\[0\]"),
+    ],
+)
+def test_pins_that_cannot_be_are_refused(setting: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        load_scenario("pwb", [f"task.layout.pins.{setting}"])
 
 
 def test_the_table_of_holes_is_the_offsets_and_the_verdict() -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import msgspec
 import numpy as np
 
-from dualbend.types import Config, Vector, said
+from dualbend.types import Config, Mask, Vector, said
 
-HOLES = ("middle_left", "middle_right", "outer_left", "outer_right")
+HoleName = Literal["middle_left", "middle_right", "outer_left", "outer_right"]
+HOLES: tuple[str, ...] = get_args(HoleName)
 """Holes and pins, as every array of four has them; left is negative along the sheet."""
 
 
@@ -38,19 +39,40 @@ class HolesConfig(Config):
     ] = ((0.0, 0.0),) * 4
 
 
+_Thicker = Annotated[float, msgspec.Meta(ge=-0.5e-3, le=2e-3)]
+
+
 class PinsConfig(Config):
-    """The four alignment pins, where the holes of a flat sheet belong."""
+    """The four alignment pins, where the holes of a flat sheet belong.
+
+    The robots know them as drawn; ``thicker_m`` and ``missing`` are what they are not told.
+    """
 
     diameter_m: Annotated[float, said("of the shank", ge=1e-3, le=0.03)] = 4.76e-3
     height_m: Annotated[float, said("tip above the bed", ge=2e-3, le=0.05)] = 6e-3
     tip: Annotated[Literal["round", "taper"], said("half a ball or a cone")] = "round"
     taper_length_m: Annotated[float, said("of a tapered tip", gt=0, le=0.05)] = 4e-3
     friction: Annotated[float, said("pin against hole's edge", ge=0, le=2)] = 0.2
+    thicker_m: Annotated[
+        tuple[_Thicker, ...],
+        said("each pin's true diameter less the drawn one", min_length=4, max_length=4),
+    ] = (0.0,) * 4
+    missing: Annotated[tuple[HoleName, ...], said("pins that do not stand", max_length=4)] = ()
 
     @property
     def tip_m(self) -> float:
         """Length of the tip, over which a pin gets thinner [m]."""
         return 0.5 * self.diameter_m if self.tip == "round" else self.taper_length_m
+
+    @property
+    def true_diameters_m(self) -> Vector:
+        """Diameter (4,) of each pin's shank as it is [m]."""
+        return self.diameter_m + np.array(self.thicker_m)
+
+    @property
+    def stand(self) -> Mask:
+        """Which pins stand on the bed (4,)."""
+        return np.array([name not in self.missing for name in HOLES])
 
 
 class BedConfig(Config):

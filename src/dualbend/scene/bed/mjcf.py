@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import msgspec
 import mujoco
 import numpy as np
 
@@ -60,8 +61,11 @@ def add_workplace(
         )
         _show_block(spec, block, y_m)
     _add_bed_camera(spec, bed, sheet)
-    for name, (along, across) in zip(HOLES, hole_places(layout.holes), strict=True):
-        _add_pin(spec, name, layout.pins, np.array([along, across, bed.top_m]))
+    diameters = layout.pins.true_diameters_m.tolist()
+    places = hole_places(layout.holes)
+    for name, diameter_m, (along, across) in zip(HOLES, diameters, places, strict=True):
+        pin = msgspec.structs.replace(layout.pins, diameter_m=diameter_m)
+        _add_pin(spec, name, pin, np.array([along, across, bed.top_m]))
         _add_contact_sensors(spec, name)
     for number in range(laid):
         _add_laid(spec, number, sheet, strips, bed.friction)
@@ -120,15 +124,20 @@ def _add_contact_sensors(spec: mujoco.MjSpec, name: str) -> None:
 
 
 def _add_pin(spec: mujoco.MjSpec, name: str, pins: PinsConfig, foot_m: Vector) -> None:
-    """Add one pin: for contact a capsule, or a cylinder with a truncated cone."""
+    """Add one pin: for contact a capsule, or a cylinder with a truncated cone.
+
+    One that is missing stays in the model, where its sensors tell nothing, but is not to be seen
+    and touches nothing.
+    """
     body = spec.worldbody.add_body(name=f"pin_{name}", pos=foot_m)
     radius = pins.diameter_m / 2
+    missing = name in pins.missing
     shape = {
-        **_touched(PINNING | ARM, pins.friction),
+        **_touched(0 if missing else PINNING | ARM, pins.friction),
         **_PIN_CONTACT,
         "name": f"pin_{name}",
         "rgba": [0.80, 0.65, 0.25, 1.0],
-        "group": 2,
+        "group": 3 if missing else 2,
     }
     if pins.tip == "round":
         # The foot's hemisphere is inside the bed.

@@ -53,7 +53,8 @@ class PinContacts:
         self._finer = max(1.0, _THICK_M / sheet.thickness_m)
         # The holes' height with their lower face on a tip, and from where on down tips are struck.
         self._tips_m = layout.bed.top_m + layout.pins.height_m + self._half_thickness_m
-        self._struck_m = -layout.pins.tip_m - _NEAR_M
+        # A thicker pin's round tip begins lower.
+        self._struck_m = -layout.pins.tip_m - 0.5 * max(layout.pins.thicker_m) - _NEAR_M
         self._height, self._near = np.zeros(len(HOLES)), False
         self._strips = [model.body(strip_body(i)).id for i in range(strips.hinges + 1)]
         self._model = model

@@ -53,12 +53,30 @@ def seated(result: RunRecord) -> NDArray[np.bool_]:
     return in_place & (np.arange(len(in_place))[:, np.newaxis] < len(result.laid))
 
 
+def not_seated(result: RunRecord, sheet: int) -> str:
+    """Return which hole of a sheet that was let go is not seated, and why; of a seated one, ""."""
+    there = seated(result)[sheet]
+    if there.all():
+        return ""
+    for missing in assembly_of(result.scenario).layout.pins.missing:
+        return f"there is no {missing} pin"
+    which = int(np.argmin(there))
+    x, y, z = np.round(1e3 * final_holes(result)[sheet, which], 2) + 0.0  # no minus before a zero
+    return (
+        f"the {HOLES[which]} hole is {np.hypot(x, y):.2f} mm off its pin's axis and {z:.2f} mm "
+        "above its rest"
+    )
+
+
 def _in_place(result: RunRecord) -> NDArray[np.bool_]:
-    """Return which holes are around their pins and resting, let go or not (sheets, 4)."""
-    holes = final_holes(result)
-    clearance = assembly_of(result.scenario).layout.holes.clearance_m
+    """Return which holes are around their pins and resting, let go or not (sheets, 4).
+
+    None is around a pin that is missing. A pin that is thicker than drawn leaves less clearance.
+    """
+    holes, layout = final_holes(result), assembly_of(result.scenario).layout
+    clearance = layout.holes.clearance_m - np.array(layout.pins.thicker_m)
     allowed = 0.5 * clearance + OFFSET_BEYOND_CLEARANCE_M
-    around = np.hypot(holes[:, :, 0], holes[:, :, 1]) <= allowed
+    around = layout.pins.stand & (np.hypot(holes[:, :, 0], holes[:, :, 1]) <= allowed)
     return np.asarray(around & (np.abs(holes[:, :, 2]) <= RESTING_WITHIN_M))
 
 

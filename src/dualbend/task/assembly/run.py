@@ -31,7 +31,7 @@ from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly.config import AssemblyConfig, ErrorsConfig, assembly_of
 from dualbend.task.assembly.damage import Resolution, stop_at_damage
-from dualbend.task.assembly.metrics import final_holes, seated
+from dualbend.task.assembly.metrics import not_seated
 from dualbend.task.assembly.program.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program.table import AssemblyProgram
 from dualbend.task.assembly.stiffness import grip_yields, object_stiffness, stable_rate
@@ -315,16 +315,8 @@ class AssemblyRun(Run):
         The program believes that all are.
         """
         self.laid.append(self.pins.offsets())
-        sheet, so_far = len(self.laid) - 1, self.record("completed")
-        there = seated(so_far)[sheet]
-        if not there.all():
-            which = int(np.argmin(there))
-            holes = final_holes(so_far)[sheet]
-            x, y, z = np.round(1e3 * holes[which], 2) + 0.0  # no minus before a zero
-            raise SimulationFailed(
-                f"{PHASES[-1]}: not seated: the {HOLES[which]} hole is {math.hypot(x, y):.2f} mm "
-                f"off its pin's axis and {z:.2f} mm above its rest"
-            )
+        if why_not := not_seated(self.record("completed"), len(self.laid) - 1):
+            raise SimulationFailed(f"{PHASES[-1]}: not seated: {why_not}")
 
     def _comply(self, goal: Goal, net: Vector) -> Vector:
         """Return the deviation of the held sheet, x, y [m] and yaw [rad] (3,)."""

@@ -44,6 +44,12 @@ def _problems(config: AssemblyConfig, sheet: Sheet) -> Iterator[str]:
                     f"layout.holes.{name}.{key} = {getattr(pair, key):g}: its pins would not stand "
                     f"on the bed; at most {half - radius:g}, or a larger layout.bed.{side}"
                 )
+    thicker = max(0.0, 2.0 * pins.height_m - pins.diameter_m)
+    if pins.tip == "round" and max(pins.thicker_m) > thicker:
+        yield (
+            f"layout.pins.thicker_m = {pins.thicker_m}: a round tip would be longer than its pin; "
+            f"at most {thicker:g}"
+        )
     yield from _holes_beside_the_sheet(layout, sheet)
     apart = bed.half_width_m + stand.half_width_m
     if abs(stand.y_m) < apart:
