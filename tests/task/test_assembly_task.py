@@ -66,6 +66,7 @@ def make(config: AssemblyConfig = COMPLIANT) -> AssemblyProgram:
         bend_speed_rad_per_s=0.15,
         period_s=COMMAND_PERIOD_S,
         least_force_n=0.1,
+        least_moment_nm=0.009,
     )
 
 
@@ -87,6 +88,7 @@ class World:
     apart_m: float = 0.0
     ends_too_low_m: tuple[float, float] = (0.0, 0.0)
     error_m: float = 0.0
+    curvature_per_m: float = 0.0
     jaws_open: bool = True
     goals: list[Goal] = field(default_factory=list)
     task: Execution = field(init=False)
@@ -116,11 +118,18 @@ class World:
         return Sensed(
             net=net,
             vertical=vertical,
+            moment=np.full(2, self._moment(vertical)),
             tension=self._tension(goal),
             gap=gap,
             error_m=self.error_m,
             place=place,
         )
+
+    def _moment(self, vertical: Array) -> float:
+        """Turn the grips as a clamped beam that sags does, and one of rest curvature."""
+        sags = bool(vertical.any())
+        EI, L = STRIP.bending_stiffness_nm2, STRIP.length_m
+        return sags * (WEIGHT_N * L / 12.0 + EI * self.curvature_per_m)
 
     def _tension(self, goal: Goal) -> float:
         """Stretch a flat sheet between grips that are farther apart than they know."""
@@ -426,6 +435,17 @@ def test_what_is_lifted_must_weigh_what_the_sheet_does(weight: float) -> None:
 def test_a_weight_is_told_within_twice_what_sensors_are_wrong_by(weight: float) -> None:
     """Twice 0.1 N are two thirds of this sheet's weight."""
     assert phases(play(World(make(), weight=weight))) == list(PHASES)
+
+
+@pytest.mark.parametrize("curvature", [0.5, -0.5])
+def test_a_sheet_that_is_bent_by_itself_is_not_laid(curvature: float) -> None:
+    world = World(make(), curvature_per_m=curvature)
+    assert stopped(world).startswith(f"lift: the sheet is bent by itself, by {curvature:.2f} 1/m: ")
+
+
+@pytest.mark.parametrize("curvature", [0.1, -0.1])
+def test_a_sheet_that_is_nearly_flat_is_laid(curvature: float) -> None:
+    assert phases(play(World(make(), curvature_per_m=curvature))) == list(PHASES)
 
 
 @pytest.mark.parametrize("config", [FEW, msgspec.structs.replace(FEW, compliance=None)])

@@ -25,7 +25,8 @@ def test_rigid_arms_do_not_lay_a_misaligned_sheet(seed: int) -> None:
 
 
 def test_rigid_arms_lay_a_sheet_that_is_where_it_should_be() -> None:
-    result = AssemblyRun(load_scenario("pwb-rigid", ALIGNED)).run()
+    # In the exact cell: with typical errors such arms stand too low or too high to tell a tip.
+    result = AssemblyRun(load_scenario("pwb-rigid", [*ALIGNED, "imperfections=none"])).run()
     # So the misalignment is what fails, not the arms: and this run is not expected.
     assert result.outcome == "completed"
     assert seated(result).all()

@@ -146,11 +146,11 @@ class FrictionEstimate:
         shape: tuple[int, ...] = (),
     ) -> None:
         self.config = config
-        self.ratio, self._weight = np.ones((2, *shape, len(stiffness)))
+        self.ratio: Vector = np.ones((*shape, len(stiffness)))
+        self._weight: Vector = np.zeros((*shape, len(stiffness)))
         self._rate = 0.0 if config is None else config.rate_per_s * period_s
         has = coulomb_friction > 0.0
         self._share = np.where(has, stiffness, 0.0) / np.where(has, coulomb_friction, 1.0)
-        self.reset()
 
     def reset(self) -> None:
         """Believe in what is written down."""

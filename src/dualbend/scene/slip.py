@@ -84,7 +84,7 @@ class SlidingGrips:
         self._stiffnesses = model.jnt_stiffness.reshape(model.njnt, -1)
         self._dampings = model.dof_damping.reshape(model.nv, -1)
         self._own = self._stiffnesses[self._joints, 0], self._dampings[self._dof, 0]
-        self._loss_s, self._step_s = grasp.loss_time_s, model.opt.timestep
+        self._loss_s = grasp.loss_time_s
         self.reset()
 
     def reset(self) -> None:
@@ -133,8 +133,11 @@ class SlidingGrips:
         (q, v), stiffness = self._state(i), self._stiffness(i)
         borne = stiffness * (q + self._loss_s * v)
         # A steady push meets the limit exactly where the edge's speed goes on changing as it did.
+        # One that has turned back has nothing to go on with: it would swing ever farther.
         change = np.nan_to_num(v - self._before[i])
-        ahead = (self._step_s + self._loss_s) * (v + change)
+        change[change * v > v * v] = 0.0
+        step_s = self._model.opt.timestep  # of this step: those near a tip are divided
+        ahead = (step_s + self._loss_s) * (v + change)
         load = stiffness * (q + ahead) if self._is_soft[i] else borne
         size = self._size(i, load)
         self.sliding[i] = self._is_soft[i] or size > 1.0
@@ -144,7 +147,7 @@ class SlidingGrips:
         self._load[i], self._before[i] = borne * self._scale, v
         along = float((v + change) @ load) / max(math.sqrt(load @ load), _TINY_N)
         # As fast, a pad that does not slide bears all of its limit within a step.
-        fast = self._limit(i) / (self._hard[0] * (self._step_s + self._loss_s))
+        fast = self._limit(i) / (self._hard[0] * (step_s + self._loss_s))
         soft = along > (0.25 if self._is_soft[i] else 1.0) * fast
         if size < _STUCK and along <= math.sqrt(change @ change):
             soft, ahead = False, np.zeros(3)  # it would turn back within a step: it holds again

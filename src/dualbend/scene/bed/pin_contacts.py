@@ -16,6 +16,9 @@ from dualbend.types import Vector
 _FALLS_FROM_M, _NEAR_M, _RESOLVED_M = 8e-3, 0.5e-3, 40e-6
 """From where above a tip holes are watched, what tilt adds, and the motion that a step resolves."""
 
+_SLOPE, _FAR_M, _MOST_M = 0.3, 3e-3, 6e-3
+"""Of a bent sheet, how far from its pin a hole is where that counts, and what it makes at most."""
+
 _THICK_M = 0.5e-3
 """Sheets that are thinner than this are resolved finer in proportion: less of it comes through."""
 
@@ -54,8 +57,8 @@ class PinContacts:
         # The holes' height with their lower face on a tip, and from where on down tips are struck.
         self._tips_m = layout.bed.top_m + layout.pins.height_m + self._half_thickness_m
         # A thicker pin's round tip begins lower.
-        self._struck_m = -layout.pins.tip_m - 0.5 * max(layout.pins.thicker_m) - _NEAR_M
-        self._height, self._near = np.zeros(len(HOLES)), False
+        self._struck_m = -layout.pins.tip_m - 0.5 * max(layout.pins.thicker_m)
+        self._height, self._near, self._tilts_m = np.zeros(len(HOLES)), False, _NEAR_M
         self._strips = [model.body(strip_body(i)).id for i in range(strips.hinges + 1)]
         self._model = model
         self._distance = [model.sensor(f"distance_{hole}").adr[0] for hole in HOLES]
@@ -85,7 +88,7 @@ class PinContacts:
         height = self._data.site_xpos[self._sites, 2]
         fall, above = self._height - height, height - self._tips_m
         self._height = height
-        strikes = (above > self._struck_m) & (above < 3.0 * fall + _NEAR_M)
+        strikes = (above > self._struck_m - self._tilts_m) & (above < 3.0 * fall + self._tilts_m)
         needed = float(np.max(fall, where=strikes, initial=0.0)) / _RESOLVED_M
         if np.any(strikes & (self._data.sensordata[self._distance] < 0.0)):
             needed = max(needed, 4.0)
@@ -98,7 +101,11 @@ class PinContacts:
         lasting = np.where(np.isinf(self._least), 0.0, self._least)
         self._height = self._data.site_xpos[self._sites, 2]
         above = self._height - self._tips_m
-        self._near = bool(np.any((above > self._struck_m) & (above < _FALLS_FROM_M)))
+        away = np.abs(self._data.site_xpos[self._sites, :2] - self._pins[:, :2]).max()
+        # A pin far from its hole meets the bent sheet higher or lower than the hole is.
+        self._tilts_m = _NEAR_M + min(_SLOPE * max(away - _FAR_M, 0.0), _MOST_M)
+        near = (above > self._struck_m - self._tilts_m) & (above < _FALLS_FROM_M + self._tilts_m)
+        self._near = bool(np.any(near))
         found = PinPeaks(force, edge, lasting, self._deepest)
         self._forget()
         return found

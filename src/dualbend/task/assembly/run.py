@@ -126,6 +126,7 @@ class AssemblyRun(Run):
         self._path = scenario.path.make(sheet.length_m)
         limit = scenario.limit_strain
         assert limit is not None  # an assembly has one
+        told = scenario.sensor
         program = partial(
             AssemblyProgram,
             config=self.config,
@@ -135,7 +136,8 @@ class AssemblyRun(Run):
             touch_rad=self.plan.range.reach_rad,
             bend_speed_rad_per_s=scenario.motion.speed_rad_per_s,
             period_s=COMMAND_PERIOD_S,
-            least_force_n=scenario.sensor.force_noise_n + scenario.sensor.force_resolution_n,
+            least_force_n=told.force_noise_n + told.force_resolution_n,
+            least_moment_nm=1.5 * (told.torque_noise_nm + told.torque_resolution_nm),
             rehearse=scenario.robot.servo.friction_estimate is not None,
         )
         self.program = program()
@@ -300,6 +302,7 @@ class AssemblyRun(Run):
         sensed = Sensed(
             net=net,
             vertical=_along(bending, 2),
+            moment=_along(bending, 4),
             tension=float(_along(bending, 0).mean()),
             gap=self.grippers.gap_m,
             error_m=_error(targets, grip),
@@ -362,12 +365,12 @@ def _place(posture: Posture) -> Vector:
 
 
 def _along(bending: Wrench, axis: int) -> Vector:
-    """Return the force on each arm along an axis of its bending frame (2,) [N]; 0 without a sensor.
+    """Return a component of the wrench on each arm, in its bending frame (2,); 0 without a sensor.
 
-    x leads from the arm to the sheet, z up.
+    x leads from the arm to the sheet, z up; moments follow the forces.
     """
-    force = bending.force_n[:, axis]
-    return np.where(np.isnan(force), 0.0, force)
+    component = bending.components[:, axis]
+    return np.where(np.isnan(component), 0.0, component)
 
 
 def _error(targets: Targets, grip: Vector) -> float:

@@ -80,7 +80,8 @@ class Sensed:
     """Measurements of one cycle, all from sensors that the robots have.
 
     ``net`` (4,): net force x, y, z [N] and moment about the vertical [N m] of the sheet on the
-    arms. ``vertical`` (2,): force z on each arm [N]. ``tension`` of the sheet between both arms,
+    arms. ``vertical`` (2,): force z on each arm [N]; ``moment`` (2,): about its bending axis [N m],
+    positive where the sheet bends down. ``tension`` of the sheet between both arms,
     their mean [N]. ``gap`` (2,): between the pads [m].
     ``error_m``: distance of the grips from where they were sent; ``place`` (3,): x, y [m] and yaw
     [rad] of the sheet between them; both by the joints' encoders.
@@ -88,6 +89,7 @@ class Sensed:
 
     net: Vector
     vertical: Vector
+    moment: Vector
     tension: float
     gap: Vector
     error_m: float

@@ -167,9 +167,21 @@ class GoAside(Motion):
 
 @dataclass(frozen=True, kw_only=True)
 class Turn(Motion):
-    """Turn the sheet from where its middle lies, by another angle in each attempt."""
+    """Turn the sheet from where its middle lies, by another angle in each attempt.
+
+    No farther than until its pins push back with ``most`` [N m]: they would be levered.
+    """
 
     turns: Sequence[float]
+    most: float
+
+    def advance(self, state: State) -> bool:
+        """Go on until the motion's time is over, or the pins push back."""
+        if state.cycle >= SUPPORT_CYCLES:
+            way = math.copysign(1.0, state.end.yaw - state.begin.yaw)
+            if -way * state.contact_wrench(state.mean(SUPPORT_CYCLES).net)[2] > self.most:
+                return False
+        return super().advance(state)
 
     def target(self, state: State) -> Posture:
         """Go from the turn of the attempt before to that of this one."""

@@ -100,6 +100,7 @@ class State:
         return Sensed(
             net=np.mean([s.net for s in last], axis=0),
             vertical=np.mean([s.vertical for s in last], axis=0),
+            moment=np.mean([s.moment for s in last], axis=0),
             tension=float(np.mean([s.tension for s in last])),
             gap=np.mean([s.gap for s in last], axis=0),
             error_m=max(s.error_m for s in last),

@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from dualbend.task.assembly.program.motions import Pace, Posture
 from dualbend.task.assembly.program.state import MEAN_CYCLES, State
 from dualbend.types import SIDES
@@ -119,6 +121,32 @@ class CheckGrasp(Step):
                     f"nothing is between the {side} jaws: they closed to {1e3 * gap:.2f} mm, "
                     f"the sheet has {1e3 * self.thickness_m:.2f} mm"
                 )
+        return False
+
+
+@dataclass(frozen=True)
+class CheckFlat(Step):
+    """Stop the task where the lifted sheet is not flat by itself.
+
+    A sheet of rest curvature κ that is held flat turns its grips by EI κ beyond ``moment_nm``, that
+    of its weight. ``least_nm``: below it nothing is told. Both arms' mean is taken: arms of unequal
+    heights turn their grips the one way and the other.
+    """
+
+    stiffness_nm2: float
+    moment_nm: float
+    least_nm: float
+
+    def advance(self, state: State) -> bool:
+        """Compare what has been added to the empty grippers."""
+        assert state.empty is not None
+        added = float(np.mean(state.mean().moment - state.empty.moment))
+        if abs(added - self.moment_nm) >= self.least_nm:
+            curvature = (added - self.moment_nm) / self.stiffness_nm2
+            raise state.stopped(
+                f"the sheet is bent by itself, by {curvature:.2f} 1/m: held flat it turns the "
+                f"grips with {1e3 * added:.0f} mN m, a flat one with {1e3 * self.moment_nm:.0f}"
+            )
         return False
 
 

@@ -24,7 +24,15 @@ from dualbend.task.assembly.program.motions import CHECK, Pace, Posture
 from dualbend.task.assembly.program.search import GoAside, HolePair, MoveDown, Turn
 from dualbend.task.assembly.program.seats import Centre, TouchPins
 from dualbend.task.assembly.program.state import MEAN_CYCLES, State
-from dualbend.task.assembly.program.steps import CheckGrasp, CheckWeight, Measure, Move, Step, Wait
+from dualbend.task.assembly.program.steps import (
+    CheckFlat,
+    CheckGrasp,
+    CheckWeight,
+    Measure,
+    Move,
+    Step,
+    Wait,
+)
 
 _TIP_MARGIN_M = 1.5e-3
 """Above and below the tips of the pins, where motions are slow."""
@@ -43,6 +51,9 @@ A middle is given twice the time: it yields sideways meanwhile.
 
 _FELT_M = 0.25e-3
 """By so much lower than elsewhere, a middle has come down on the flank of a tip, or into a hole."""
+
+_BENT_PER_M = 0.2
+"""Rest curvature of a sheet that is not taken for a flat one: 0.4 m of it are 4 mm high."""
 
 _SLACK_N = 1.0
 """Tension of a flat sheet that is let be."""
@@ -63,9 +74,9 @@ class AssemblyProgram:
     bent sheet. ``path``: half distance and rise over the bending angle, up to that at which the
     sheet is laid. ``touch_rad``: bending angle at which the outer holes come to the tips of their
     pins. ``bend_speed_rad_per_s``: highest speed of the bending angle while the sheet bends in the
-    air. ``least_force_n``: a difference of forces that noise, drift and cross-talk of the sensors
-    do not make. ``rehearse``: before the first sheet the arms go all the way without one, and learn
-    their friction.
+    air. ``least_force_n``, ``least_moment_nm``: differences that noise, drift and cross-talk of the
+    sensors do not make. ``rehearse``: before the first sheet the arms go all the way without one,
+    and learn their friction.
     """
 
     def __init__(
@@ -79,12 +90,14 @@ class AssemblyProgram:
         bend_speed_rad_per_s: float,
         period_s: float,
         least_force_n: float,
+        least_moment_nm: float,
         rehearse: bool = False,
         yields: Yields = rigid,
     ) -> None:
         self.config, self.sheet, self.bend_rad = config, sheet, float(path.knots[-1])
         self.touch_rad, self.bend_speed_rad_per_s = touch_rad, bend_speed_rad_per_s
-        self.least_force_n, self.rehearse = least_force_n, rehearse
+        self.least_force_n, self.least_moment_nm = least_force_n, least_moment_nm
+        self.rehearse = rehearse
         k, arm = grasp.translational_stiffness_n_per_m, 0.5 * sheet.length_m
         turn = k * arm**2 + grasp.rotational_stiffness_n_m_per_rad
         self.rubber = 2.0 * np.array([k, k, turn])
@@ -142,7 +155,11 @@ class AssemblyProgram:
         """Return the phases that lay a sheet on this many others."""
         config, start, move, wait = self.config, self.start, self._move, self._wait
         t, weight = self.sheet.thickness_m, self.sheet.mass_kg * GRAVITY_M_PER_S2
+        EI = self.sheet.bending_stiffness_nm2
         weighed = CheckWeight(weight, self.least_force_n)
+        clamped, least = weight * self.sheet.length_m / 12.0, self.least_moment_nm
+        # Under tension, which arms that do not comply cannot take off, every sheet turns its grips.
+        flat = [CheckFlat(EI, clamped, max(_BENT_PER_M * EI, least))] if self._slack() else []
         over = self._seat_z(layer) + config.lift_m
         come = [move(z=over), move(x=0.0, y=start.y, yaw=0.0), move(z=start.z)] if layer else []
         if self.rehearse and not layer:
@@ -170,7 +187,7 @@ class AssemblyProgram:
             Phase("grasp", [move(opening=0.0), closed, CheckGrasp(t)]),
             Phase(
                 "lift",
-                [move(z=start.z + config.lift_m), settle(), weighed],
+                [move(z=start.z + config.lift_m), settle(), weighed, *flat],
                 slack=slack,
             ),
             Phase("carry", [move(y=0.0, z=over), settle()], slack=slack),
@@ -221,7 +238,8 @@ class AssemblyProgram:
         """Unfold; where it is not the first time, bend up to the touch and turn before."""
         config = self.config
         turns = config.search.turns(config.layout.holes)
-        turn = Turn(pace=self.pace, turns=turns, alpha_ratio=1.0)
+        most = max(config.check_force_n, self.least_force_n) * config.layout.holes.outer.along_m
+        turn = Turn(pace=self.pace, turns=turns, most=most, alpha_ratio=1.0)
         slow = replace(self.pace, angular_rad_per_s=config.speeds.contact_rad_per_s)
         return [
             *(replace(move, retry_only=True) for move in (touch, turn)),
