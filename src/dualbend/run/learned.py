@@ -19,7 +19,7 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError, refusing
 from dualbend.run.arms import with_placements
 from dualbend.run.reading.json_file import file_bytes, read_json
-from dualbend.scenario.motion import nominal_motion
+from dualbend.scenario.motion import MotionConfig, NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario, without_none
 from dualbend.types import SIDES, Config, Side, Vector
 
@@ -48,6 +48,19 @@ class LearnedFile(Config):
     def to_json(self) -> str:
         """Return the text of the file."""
         return msgspec.json.format(msgspec.json.encode(self), indent=1).decode() + "\n"
+
+    def motion(self, scenario: Scenario) -> NominalMotion:
+        """Return the motion that it was learned on; InputError where it is of another scenario."""
+        self.refuse_other(scenario, any_speed=True)
+        with refusing("belongs_to.motion", msgspec.ValidationError):
+            config = msgspec.convert(self.belongs_to.get("motion"), MotionConfig)
+        motion = nominal_motion(scenario.path, config, scenario.sheet.length_m)
+        if self.correction.shape[-1] != motion.cycles:
+            raise InputError(
+                f"correction_rad has {self.correction.shape[-1]} values; the motion has "
+                f"{motion.cycles} cycles"
+            )
+        return motion
 
     def refuse_other(self, scenario: Scenario, *, any_speed: bool = False) -> None:
         """Raise InputError, with the key, where it was learned on another sheet, arm or motion.
@@ -91,12 +104,7 @@ def path_correction(scenario: Scenario) -> tuple[Vector, str]:
     with refusing(f"path.learned = {str(path)!r}"):
         found = read_learned(path)
         found.refuse_other(scenario)
-        cycles = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m).cycles
-        if found.correction.shape[-1] != cycles:
-            raise InputError(
-                f"correction_rad has {found.correction.shape[-1]} values; the motion has {cycles} "
-                "cycles"
-            )
+        found.motion(scenario)
         sha256 = hashlib.sha256(file_bytes(path)).hexdigest()
     return found.correction, f"{path.name}, {found.sheets} sheets, sha256 {sha256}"
 

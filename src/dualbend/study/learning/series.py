@@ -17,7 +17,7 @@ import numpy as np
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.learning import LearningConfig, replayed
 from dualbend.errors import InputError
-from dualbend.evaluation.metrics import bending_rows, held_rows, versions
+from dualbend.evaluation.metrics import held_rows, versions
 from dualbend.files import write_whole
 from dualbend.run.learned import LearnedFile, belongings
 from dualbend.run.make import make_run
@@ -25,54 +25,26 @@ from dualbend.run.record import RunRecord
 from dualbend.scenario.motion import NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.learning import LearningPrediction, learning_of, predict_learning
+from dualbend.study.ending import result_of
 from dualbend.study.folder import StudyFolder
+from dualbend.study.learning.sheet import Sheet, sheet_of
 from dualbend.types import SIDES, Vector
 
 LEARNED = "learned.json"
 
 
-class Sheet(msgspec.Struct, frozen=True, kw_only=True):
-    """One sheet: how it went, and the correction that the next one gets.
-
-    Moments are true ones, of the sheet on the arm where they are larger: ``peaks_nm`` of each piece
-    of the path, ``rms_nm`` over the bending, ``hold_nm`` (2,) the mean of either arm's second half
-    of the hold; ``force_n`` along x as the sensors read it there. ``angle_rad`` and ``moment_nm``
-    are the nominal angle and |moment| over the rows of the bending and the hold. ``note``: why
-    nothing was learned, "" where something was.
-    """
-
-    sheet: int
-    speed_rad_per_s: float
-    outcome: str
-    note: str
-    peaks_nm: list[float]
-    rms_nm: float | None
-    hold_nm: list[float]
-    force_n: float | None
-    largest_rad: float
-    time_s: list[float]
-    moment_nm: list[float]
-    correction_rad: list[list[float]]
-
-    @property
-    def learned(self) -> bool:
-        """The sheet taught something."""
-        return not self.note
-
-
 class Series:
     """Sheets of a scenario one after another: :meth:`next_sheet` runs one and learns from it.
 
-    ``start``: what was learned before, at whatever speed. Raises InputError where the corrections
-    would grow, by the loop's model, or what was learned before belongs to something else.
+    ``start``: what was learned before, at whatever speed; ``done``: number of sheets so far.
+    Raises InputError where the corrections would grow, by the loop's model, or what was learned
+    before belongs to something else.
     """
 
     prediction: LearningPrediction
 
-    def __init__(
-        self, scenario: Scenario, start: LearnedFile | None = None, done: Sequence[Sheet] = ()
-    ) -> None:
-        self.scenario, self._start = scenario, start
+    def __init__(self, scenario: Scenario, start: LearnedFile | None = None) -> None:
+        self.scenario = scenario
         self.config: LearningConfig = learning_of(scenario)
         if self.config.speeds_rad_per_s and scenario.motion.return_rad is not None:
             raise InputError(
@@ -86,14 +58,15 @@ class Series:
         self._motion = self._motion_of(1)
         self._correction = np.zeros((len(self._arms), self._motion.cycles))
         if start is not None:
-            start.refuse_other(scenario, any_speed=True)
-            config = msgspec.convert(start.belongs_to["motion"], type(scenario.motion))
-            learned = nominal_motion(scenario.path, config, scenario.sheet.length_m)
             self._before, self._forces = start.sheets, [start.force_n] * start.sheets
+            self._motion = self._motion_of(1)
             self._correction = start.correction[self._arms]
-            self._take(learned, self._motion)
-        self._done = 0
-        for sheet in done:
+            self._take(start.motion(scenario), self._motion)
+        self.done = 0
+
+    def resume(self, sheets: Sequence[Sheet]) -> None:
+        """Go on after sheets that were bent before."""
+        for sheet in sheets:
             self._motion = self._motion_of(sheet.sheet)
             self._correction = np.array(sheet.correction_rad)
             self._note(sheet)
@@ -117,7 +90,7 @@ class Series:
 
     def learned(self) -> LearnedFile:
         """Return what was learned, for runs at the last sheet's speed."""
-        at = self.scenario_of(max(self._done, 1))
+        at = self.scenario_of(max(self.done, 1))
         return LearnedFile(
             scenario=at.name,
             seed=at.seed,
@@ -132,23 +105,23 @@ class Series:
         self, vary: Callable[[Scenario], Scenario] = lambda scenario: scenario
     ) -> tuple[Sheet, RunRecord]:
         """Run the next sheet and learn from it; ``vary`` says what is different about it."""
-        number = self._done + 1
+        number = self.done + 1
         motion = self._motion_of(number)
         self._take(self._motion, motion)
         self._motion = motion
         scenario = vary(self.scenario_of(number))
-        result = make_run(scenario, correction=self.correction).run()
+        result = result_of(make_run(scenario, correction=self.correction))
         force = self._force(result)
         note = self._why_not(result, force)
         if not note:
             moment = [result[f"{SIDES[i]}_filtered_moment_y"] for i in self._arms]
             self._correction = self.prediction.law.update(self._correction, np.array(moment))
-        sheet = _sheet(number, result, note, force, self._correction)
+        sheet = sheet_of(number, result, note, force, self._correction)
         self._note(sheet)
         return sheet, result
 
     def _note(self, sheet: Sheet) -> None:
-        self._done = sheet.sheet
+        self.done = sheet.sheet
         if sheet.learned and sheet.force_n is not None:
             self._forces.append(sheet.force_n)
 
@@ -183,38 +156,6 @@ class Series:
         )
 
 
-def _sheet(
-    number: int, result: RunRecord, note: str, force_n: float | None, correction: Vector
-) -> Sheet:
-    scenario = result.scenario
-    moment = np.array([result[f"{side}_true_moment_y"] for side in SIDES])
-    bending, held = bending_rows(result), held_rows(result)
-    knots = scenario.path.make(scenario.sheet.length_m).knots
-    piece = np.searchsorted(knots, result["nominal_alpha"], side="right") - 1
-    largest, in_piece = np.abs(moment).max(axis=0), np.clip(piece, 0, len(knots) - 2)
-    peaks = [
-        float(largest[rows].max())
-        for i in range(len(knots) - 1)
-        if (rows := bending & (in_piece == i)).any()
-    ]
-    rms = np.sqrt(np.mean(moment[:, bending] ** 2, axis=1)) if bending.any() else None
-    shown = result["phase"] >= 1
-    return Sheet(
-        sheet=number,
-        speed_rad_per_s=scenario.motion.speed_rad_per_s,
-        outcome=result.outcome,
-        note=note,
-        peaks_nm=peaks,
-        rms_nm=None if rms is None else float(rms.max()),
-        hold_nm=moment[:, held].mean(axis=1).tolist() if held.any() else [],
-        force_n=force_n,
-        largest_rad=float(np.abs(correction).max()),
-        time_s=result["time"][shown].round(6).tolist(),
-        moment_nm=largest[shown].round(9).tolist(),
-        correction_rad=correction.tolist(),
-    )
-
-
 def run_series(
     scenario: Scenario,
     sheets: int,
@@ -228,14 +169,16 @@ def run_series(
     run to its end ends the series; the same call then goes on with the next one. ``on_sheet`` is
     called before the first sheet, with None, and after each.
 
-    Raises InputError where the folder is another study's or cannot be used, or as :class:`Series`.
+    Raises KeyboardInterrupt where it is interrupted: the sheets that ended are kept. InputError
+    where the folder is another study's or cannot be used, or as :class:`Series`.
     """
     told = "" if start is None else hashlib.sha256(start.to_json().encode()).hexdigest()
     about = {"versions": versions(), "scenario": scenario.to_toml(), "from": told}
     kept = StudyFolder(folder=folder, row=Sheet, study=about)
+    series = Series(scenario, start)
     with kept.opened(lambda row: row.sheet) as (old, keep):
         done = sorted(old.values(), key=lambda row: row.sheet)
-        series = Series(scenario, start, done)
+        series.resume(done)
         on_sheet(series, None)
         for sheet in _left(series, sheets - len(done)):
             keep(sheet)
