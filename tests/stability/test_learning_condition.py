@@ -76,6 +76,16 @@ def test_one_arm_that_complies_alone_is_refused() -> None:
         predicted(FEEDBACK.replace('complying=["left","right"]', 'complying=["left"]'))
 
 
+def test_a_loop_that_oscillates_teaches_nothing() -> None:
+    with pytest.raises(InputError, match=r"path at .* rad: compliance: the loop is predicted unst"):
+        predicted(FEEDBACK.replace("b=0.5", "b=0.1"))
+
+
+def test_a_correction_needs_time_to_come_in() -> None:
+    with pytest.raises(InputError, match=r"motion.settle_s = 0.2: .* at least 0.5 s"):
+        predicted("motion.settle_s=0.2")
+
+
 def test_a_scenario_without_the_section_learns_nothing() -> None:
     with pytest.raises(InputError, match="'fig6': has no section learning"):
         predict_learning(load_scenario("fig6"))

@@ -102,12 +102,8 @@ class LearningLaw:
             ) from error
 
     def low_pass(self, z_inverse: ComplexVector) -> Vector:
-        """Return Q (n,) where z⁻¹ (n,) is given: real, 1 at rest and 1/2 at the cutoff."""
-        response = np.ones_like(z_inverse)
-        for b0, b1, b2, _, a1, a2 in self._sections:
-            response *= (b0 + z_inverse * (b1 + z_inverse * b2)) / (
-                1.0 + z_inverse * (a1 + z_inverse * a2)
-            )
+        """Return Q (n,) where z⁻¹ (n,) is given on the unit circle: real, 1/2 at the cutoff."""
+        _, response = signal.sosfreqz(self._sections, worN=-np.angle(z_inverse))
         return np.asarray(np.abs(response) ** 2)
 
     def learning(self, z_inverse: ComplexVector) -> ComplexVector:

@@ -16,7 +16,7 @@ import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ, ComplexVector
 from dualbend.control.learning import LearningConfig, LearningLaw
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.mechanics.coupling import ModeName
 from dualbend.scenario.motion import nominal_motion
 from dualbend.scenario.scenario import Scenario
@@ -24,6 +24,9 @@ from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.sampled import LoopElements, SampledLoop, compliant_plant
 from dualbend.stability.state_space import from_transfer_function, parallel
 from dualbend.types import SIDES, Vector
+
+SHORTEST_SETTLE_S = 0.5
+"""A correction of 0.1 rad that comes in faster would jerk the arms."""
 
 _STEP_RAD, _FREQUENCIES, _MOST_LEAD = 0.02, 400, 40
 
@@ -129,6 +132,11 @@ def learning_of(scenario: Scenario) -> LearningConfig:
             f"compliance.complying = {list(scenario.compliance.complying)}: where sheets are "
             "learned both arms comply, or none"
         )
+    if scenario.motion.settle_s < SHORTEST_SETTLE_S:
+        raise InputError(
+            f"motion.settle_s = {scenario.motion.settle_s}: corrections come in over the first "
+            f"half of it, which needs at least {SHORTEST_SETTLE_S} s"
+        )
     return scenario.learning
 
 
@@ -145,7 +153,8 @@ def learning_plants(
     feedback = bool(scenario.compliance.complying)
     plants = []
     for at in environments(both, alphas_rad.tolist()):
-        modes = {mode: _plant(elements, at, mode, z_inverse, feedback) for mode in at.arms}
+        with refusing(f"path at {at.alpha_rad:.3f} rad"):
+            modes = {mode: _plant(elements, at, mode, z_inverse, feedback) for mode in at.arms}
         shares = [_MODES[mode] for mode in modes] if len(modes) > 1 else [np.ones((1, 1))]
         plants.append(np.einsum("mn,mij->nij", np.array(list(modes.values())), np.array(shares)))
     return np.array(plants)
@@ -163,6 +172,11 @@ def _plant(
         loop = SampledLoop(
             elements, at.loops[mode], acting, arm=at.arms[mode], alpha_rad=at.alpha_rad
         )
+        if not loop.mode().stable:
+            raise InputError(
+                "compliance: the loop is predicted unstable: what does not settle is not the same "
+                "from sheet to sheet; look at dualbend stability"
+            )
         given = loop.admittance.frequency_response(z_inverse)
         axes = [i for i in range(2) if acting[i]] if given.shape[-1] == sum(acting) else [0, 1]
         admittance = np.zeros_like(plant)

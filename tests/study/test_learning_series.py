@@ -232,6 +232,25 @@ def test_the_command_refuses_what_would_grow(tmp_path: Path) -> None:
     assert not (tmp_path / LEARNED).exists()
 
 
+def test_the_command_begins_with_a_file(tmp_path: Path) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert invoke("--sheets", "2", "--no-record", "--out", str(first))[0] == 0
+    start = ("--from", str(first / LEARNED))
+    code, output = invoke("--sheets", "1", "--no-record", "--out", str(second), *start)
+    assert code == 0
+    assert read_learned(second / LEARNED).sheets == 3
+    code, output = invoke(*start, "--out", str(tmp_path), "--set", "sheet.width_m=0.2")
+    assert code == 2
+    assert f"--from {first / LEARNED}: was learned with sheet.width_m = 0.3" in output
+
+
+def test_a_series_without_any_bending_is_shown_as_well(tmp_path: Path) -> None:
+    lost = ("imperfections.sensor.stuck=['left']", "imperfections.sensor.stuck_from_s=0.1")
+    settings = [part for setting in lost for part in ("--set", setting)]
+    assert invoke("--sheets", "1", "--out", str(tmp_path), *settings)[0] == 3
+    assert (tmp_path / "sheets.png").is_file()
+
+
 def test_a_sheet_that_ends_otherwise_ends_the_command(tmp_path: Path) -> None:
     lost = ("imperfections.sensor.stuck=['left']", "imperfections.sensor.stuck_from_s=1")
     settings = [part for setting in lost for part in ("--set", setting)]
