@@ -244,6 +244,28 @@ def test_the_command_begins_with_a_file(tmp_path: Path) -> None:
     assert f"--from {first / LEARNED}: was learned with sheet.width_m = 0.3" in output
 
 
+def test_a_scenario_that_has_learned_is_gated_like_any_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another correction moves the metrics beyond their tolerance."""
+    monkeypatch.chdir(tmp_path)
+    series = Series(short())
+    bent(series, 2)
+    learned = series.learned()
+    Path(LEARNED).write_text(learned.to_json(), encoding="utf-8")
+    scenario = msgspec.structs.replace(short(f"path.learned={LEARNED}"), name="mine")
+    Path("mine.toml").write_text(scenario.to_toml(), encoding="utf-8")
+    check = ["check", "mine.toml", "--baseline", "baseline.json", "--workers", "1"]
+    assert CliRunner().invoke(main, [*check, "--update"]).exit_code == 0
+    assert CliRunner().invoke(main, check).exit_code == 0
+    turned = {side: [1.1 * u for u in values] for side, values in learned.correction_rad.items()}
+    other = msgspec.structs.replace(learned, correction_rad=turned)
+    Path(LEARNED).write_text(other.to_json(), encoding="utf-8")
+    ended = CliRunner().invoke(main, check)
+    assert ended.exit_code == 1
+    assert "peak_deviation_alpha" in ended.output
+
+
 def test_a_series_without_any_bending_is_shown_as_well(tmp_path: Path) -> None:
     lost = ("imperfections.sensor.stuck=['left']", "imperfections.sensor.stuck_from_s=0.1")
     settings = [part for setting in lost for part in ("--set", setting)]

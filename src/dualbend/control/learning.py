@@ -9,7 +9,7 @@ the loop's delay, Q a low-pass without phase. With M_j = d − P u_j what is not
 by |Q (1 − L P)|, L = γ G z^m, from sheet to sheet at each frequency. It is time that repeats, not
 the angle: arms, sheet and loop are as late at one speed as at another. Source: Bristow, Tharayil
 and Alleyne, A survey of iterative learning control, IEEE Control Systems Magazine 26(3), 2006,
-equations (5) and (12).
+equation (4), and its stability in the frequency domain.
 """
 
 from __future__ import annotations
