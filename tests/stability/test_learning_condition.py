@@ -81,9 +81,10 @@ def test_a_loop_that_oscillates_teaches_nothing() -> None:
         predicted(FEEDBACK.replace("b=0.5", "b=0.1"))
 
 
-def test_a_correction_needs_time_to_come_in() -> None:
-    with pytest.raises(InputError, match=r"motion.settle_s = 0.2: .* at least 0.5 s"):
-        predicted("motion.settle_s=0.2")
+@pytest.mark.parametrize("key", ["settle_s", "hold_s"])
+def test_a_correction_needs_time_to_come_in_and_a_force_to_be_told(key: str) -> None:
+    with pytest.raises(InputError, match=rf"motion.{key} = 0.2: .* at least 0.5 s"):
+        predicted(f"motion.{key}=0.2")
 
 
 def test_a_scenario_without_the_section_learns_nothing() -> None:

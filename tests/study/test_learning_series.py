@@ -207,6 +207,20 @@ def test_another_scenario_does_not_go_on_in_the_folder(tmp_path: Path) -> None:
         run_series(short("learning.gain=0.8"), 2, tmp_path)
 
 
+def test_rows_that_are_no_series_are_refused(tmp_path: Path) -> None:
+    run_series(short(), 2, tmp_path)
+    runs = tmp_path / "runs.jsonl"
+    first, second = runs.read_bytes().splitlines(keepends=True)
+    runs.write_bytes(second)
+    with pytest.raises(InputError, match=r"runs.jsonl: sheet 2: must be sheet 1"):
+        run_series(short(), 3, tmp_path)
+    row = msgspec.json.decode(first)
+    row["correction_rad"] = [[0.0], [0.0]]
+    runs.write_bytes(msgspec.json.encode(row) + b"\n")
+    with pytest.raises(InputError, match=r"sheet 1: .* correction_rad for each of 2 arms"):
+        run_series(short(), 3, tmp_path)
+
+
 def invoke(*arguments: str) -> tuple[int, str]:
     settings = [part for setting in SHORT for part in ("--set", setting)]
     ended = CliRunner().invoke(main, ["learn", "learned", *settings, *arguments])

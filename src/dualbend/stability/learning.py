@@ -28,6 +28,9 @@ from dualbend.types import SIDES, Vector
 SHORTEST_SETTLE_S = 0.5
 """A correction of 0.1 rad that comes in faster would jerk the arms."""
 
+SHORTEST_HOLD_S = 0.5
+"""The arms arrive in its first half."""
+
 _STEP_RAD, _FREQUENCIES, _MOST_LEAD = 0.02, 400, 40
 
 _MODES: dict[ModeName, Vector] = {
@@ -136,6 +139,11 @@ def learning_of(scenario: Scenario) -> LearningConfig:
         raise InputError(
             f"motion.settle_s = {scenario.motion.settle_s}: corrections come in over the first "
             f"half of it, which needs at least {SHORTEST_SETTLE_S} s"
+        )
+    if scenario.motion.hold_s < SHORTEST_HOLD_S:
+        raise InputError(
+            f"motion.hold_s = {scenario.motion.hold_s}: the force in the hold tells one sheet from "
+            f"another, which needs at least {SHORTEST_HOLD_S} s"
         )
     return scenario.learning
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.learning import LearningConfig, replayed
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.evaluation.metrics import held_rows, versions
 from dualbend.files import write_whole
 from dualbend.run.learned import LearnedFile, belongings
@@ -26,7 +26,7 @@ from dualbend.scenario.motion import NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.learning import LearningPrediction, learning_of, predict_learning
 from dualbend.study.ending import result_of
-from dualbend.study.folder import StudyFolder
+from dualbend.study.folder import RUNS, StudyFolder
 from dualbend.study.learning.sheet import Sheet, sheet_of
 from dualbend.types import SIDES, Vector
 
@@ -65,9 +65,16 @@ class Series:
         self.done = 0
 
     def resume(self, sheets: Sequence[Sheet]) -> None:
-        """Go on after sheets that were bent before."""
+        """Go on after sheets that were bent before; InputError where they are no series of it."""
         for sheet in sheets:
             self._motion = self._motion_of(sheet.sheet)
+            arms, cycles, number = len(self._arms), self._motion.cycles, self.done + 1
+            lengths = [len(values) for values in sheet.correction_rad]
+            if sheet.sheet != number or lengths != [cycles] * arms:
+                raise InputError(
+                    f"sheet {sheet.sheet}: must be sheet {number}, with {cycles} values of "
+                    f"correction_rad for each of {arms} arms"
+                )
             self._correction = np.array(sheet.correction_rad)
             self._note(sheet)
 
@@ -178,7 +185,8 @@ def run_series(
     series = Series(scenario, start)
     with kept.opened(lambda row: row.sheet) as (old, keep):
         done = sorted(old.values(), key=lambda row: row.sheet)
-        series.resume(done)
+        with refusing(f"--out {folder / RUNS}"):
+            series.resume(done)
         on_sheet(series, None)
         for sheet in _left(series, sheets - len(done)):
             keep(sheet)
