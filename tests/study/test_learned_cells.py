@@ -10,6 +10,7 @@ from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
+from dualbend.stability.learning import LearningPrediction
 from dualbend.study.learning.series import Series
 from dualbend.study.learning.sheet import Sheet
 from dualbend.task.bending.config import BendingConfig, GripError, MisalignmentConfig
@@ -72,6 +73,27 @@ def test_eight_times_the_speed_at_no_more_moment_than_with_feedback() -> None:
     unlearned = make_run(load_scenario("learned-fast")).run().metrics["peak_moment"].value
     assert isinstance(unlearned, float)
     assert largest < 0.25 * unlearned
+
+
+def test_without_lead_the_moment_falls_for_five_sheets_and_then_grows(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What the condition refuses, by its largest contraction to within a tenth."""
+    monkeypatch.setattr(LearningPrediction, "refuse_divergence", lambda _: None)
+    series = Series(load_scenario("learned", ["imperfections=none", "learning.lead_cycles=0"]))
+    _, rms = bent(series, 10)
+    assert rms[4] < 0.3 * rms[0]
+    growth = (rms[9] / rms[7]) ** 0.5
+    assert 1.2 < growth < series.prediction.worst[0]
+
+
+@pytest.mark.parametrize(("start_rad", "tension_n"), [(0.0, (30.0, 60.0)), (0.1, (0.0, 1.0))])
+def test_a_flat_start_builds_up_tension(start_rad: float, tension_n: tuple[float, float]) -> None:
+    series = Series(load_scenario("learned", ["imperfections=none", f"path.start_rad={start_rad}"]))
+    for _ in range(5):
+        _, run = series.next_sheet()
+    largest = max(float(run[f"{side}_true_force_x"].max()) for side in SIDES)
+    assert tension_n[0] <= max(largest, 0.0) <= tension_n[1]
 
 
 @pytest.mark.parametrize(
