@@ -33,7 +33,10 @@ WORDS = {
 """Words of the recorded values that have other names today; the numbers in them are compared."""
 MODEL, RIGHT = "robot.model", "robot.right.model"
 
-BENDING = ("fig6", "fig8", "fig9", "exact", "tuned", "tuned-exact", "springback")
+BENDING = (
+    *("fig6", "fig8", "fig9", "exact", "tuned", "tuned-exact", "springback"),
+    *("learned", "learned-fast"),
+)
 ARMS = ("ur3", "ur5", "ur10", "panda", "xarm7", "z1")
 CASES: dict[str, tuple[str, ...]] = {
     **{f"run {name}": ("run", name) for name in BENDING},

@@ -12,7 +12,17 @@ from dualbend.errors import InputError
 from dualbend.imperfection import config
 from dualbend.imperfection.config import PRESETS, ImperfectionsConfig, PresetName, with_preset
 from dualbend.imperfection.draws import stream
+from dualbend.run.disk.output import model_hash
+from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario, parse_scenario
+
+SHORT = (
+    "path.end_rad=0.3",
+    "motion.speed_rad_per_s=1.0",
+    "motion.settle_s=0.2",
+    "motion.hold_s=0.1",
+    "sheet.model.hinges=10",
+)
 
 
 def numbers_of(preset: str, *settings: str) -> dict[str, Any]:
@@ -61,3 +71,16 @@ def test_streams_are_seeded_and_independent() -> None:
     others = [stream(4, "robot", "left"), stream(3, "robot", "right"), stream(3, "link", "left")]
     for other in others:
         assert not np.any(first == other.standard_normal(4))
+
+
+def test_another_sheet_of_a_series_has_the_same_cell_and_its_own_noise() -> None:
+    settings = ["imperfections=typical", *SHORT]
+    first, again, other = (
+        make_run(load_scenario("learned", [*settings, f"repeat={n}"])) for n in (0, 0, 1)
+    )
+    # The compiled model holds arms, bases, tools and sheet as they are.
+    assert model_hash(first.cell.model) == model_hash(other.cell.model)
+    reading = "left_filtered_moment_y"
+    one, same, another = (run.run()[reading] for run in (first, again, other))
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, another)

@@ -361,6 +361,21 @@ def test_without_errors_a_sensor_is_the_one_without_this_module() -> None:
     assert found == [[True, True], [False, False]]
 
 
+def test_another_sheet_of_a_series_has_the_same_sensor_and_its_own_walk() -> None:
+    def read(repeat: int, **errors: float) -> Vector:
+        noise = [np.random.default_rng(0)]
+        arms: list[tuple[int, Side]] = [(3, "left")]
+        found = ErringSensor(
+            IDEAL, noise, SensorErrors(**errors), arms, (), period_s=COMMAND_PERIOD_S, repeat=repeat
+        )
+        return readings(found, 50)
+
+    fixed = {"scale_spread": 0.05, "cross_talk_spread": 0.05, "torque_drift_spread_nm_per_h": 9.0}
+    assert np.array_equal(read(1, **fixed), read(2, **fixed))
+    assert not np.array_equal(read(1, torque_walk_nm=1.0), read(2, torque_walk_nm=1.0))
+    assert np.array_equal(read(2, torque_walk_nm=1.0), read(2, torque_walk_nm=1.0))
+
+
 def test_a_cut_normal_is_cut_at_three() -> None:
     """Statistical: 0.27 % of 20000 are beyond, four standard errors; the standard deviation."""
     drawn = cut_normal(stream(1, "a"), 2.0, (20000,))

@@ -21,6 +21,7 @@ def summarise(result: RunRecord) -> Summary:
         outcome=result.outcome,
         reason=result.reason,
         controller=result.controller,
+        learned=result.learned,
         versions=versions(),
         warnings=[*scenario_warnings(scenario), *run_warnings(result)],
         sheet=msgspec.to_builtins(sheet_report(scenario)),

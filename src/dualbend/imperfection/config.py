@@ -129,7 +129,9 @@ PRESETS: Final[Mapping[PresetName, Mapping[str, Numbers]]] = {
 def with_preset(table: Mapping[str, Any]) -> dict[str, Any]:
     """Return a section's table with the numbers of its preset where it gives none."""
     resolved = dict(table)
-    for numbers in PRESETS.get(resolved.get("preset", "none"), {}).values():
+    name = resolved.get("preset", "none")
+    # What is no name, and may be no key, is refused with the rest of the section.
+    for numbers in PRESETS.get(name if name in list(PRESETS) else "none", {}).values():
         for section, values in numbers.items():
             given = resolved.get(section, {})
             if isinstance(given, Mapping):

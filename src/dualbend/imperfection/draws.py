@@ -11,13 +11,20 @@ from dualbend.types import Vector
 _CUT = 3.0
 
 
-def stream(seed: int, *names: str | int) -> np.random.Generator:
+def stream(seed: int, *names: str | int, repeat: int = 0) -> np.random.Generator:
     """Return the generator of a scenario's seed that belongs to these names.
 
     Two streams of different names are independent, and none is that of the sensors' noise.
+    ``repeat``: number of the sheet in a series, of what differs from sheet to sheet.
     """
     words = [zlib.crc32(str(name).encode()) for name in names]
-    return np.random.default_rng([seed, *words])
+    return np.random.default_rng([seed, *words, *((repeat,) if repeat else ())])
+
+
+def noise_streams(seed: int, count: int, repeat: int = 0) -> list[np.random.Generator]:
+    """Return the generators of the sensors' noise, as :func:`stream` has seed and ``repeat``."""
+    root = np.random.SeedSequence([seed, repeat] if repeat else seed)
+    return [np.random.default_rng(child) for child in root.spawn(count)]
 
 
 def cut_normal(rng: np.random.Generator, spread: float, shape: tuple[int, ...]) -> Vector:

@@ -68,6 +68,7 @@ class CommandLink:
 
     ``joints``: number of joints of each arm of ``sides``; ``start``: set-points (n,) [rad] that the
     controllers have before the first command. One is sent a cycle of ``period_s`` [s].
+    ``repeat``: number of the sheet in a series; each has errors of its own.
     """
 
     def __init__(
@@ -79,11 +80,12 @@ class CommandLink:
         start: Vector,
         *,
         period_s: float,
+        repeat: int = 0,
     ) -> None:
         ends = itertools.accumulate(joints)
         self._own = [slice(end - n, end) for end, n in zip(ends, joints, strict=True)]
         self._arms = [
-            _Arm(config, seed, side, start[own], period_s)
+            _Arm(config, seed, side, start[own], period_s, repeat)
             for side, own in zip(sides, self._own, strict=True)
         ]
 
@@ -109,12 +111,18 @@ class _Arm:
     """One arm's link and what its controller executes."""
 
     def __init__(
-        self, config: LinkConfig, seed: int, side: Side, start: Vector, period_s: float
+        self,
+        config: LinkConfig,
+        seed: int,
+        side: Side,
+        start: Vector,
+        period_s: float,
+        repeat: int,
     ) -> None:
         self._config, self._side, self._period_s = config, side, period_s
         names = ("jitter", "late", "lost", "doubled")
         self._jitter, self._late, self._lost, self._doubled = (
-            stream(seed, "link", side, name) for name in names
+            stream(seed, "link", side, name, repeat=repeat) for name in names
         )
         self._due: dict[int, tuple[int, Vector]] = {}
         self._executed = self._before = start

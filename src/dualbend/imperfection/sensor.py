@@ -101,7 +101,8 @@ class ErringSensor(Sensor):
     """Wrist sensors with their errors; ``arms``: seed and side of each, in C order of ``shape``.
 
     The noise is that of :class:`Sensor` with the same ``rng``. One reading is taken a cycle of
-    ``period_s`` [s].
+    ``period_s`` [s]. ``repeat``: number of the sheet in a series; walks, spikes and drop-outs are
+    each sheet's own.
     """
 
     def __init__(
@@ -113,9 +114,10 @@ class ErringSensor(Sensor):
         shape: tuple[int, ...] = (),
         *,
         period_s: float,
+        repeat: int = 0,
     ) -> None:
         super().__init__(config, rng, shape)
-        self._each = [_Errors(errors, config, *arm, period_s) for arm in arms]
+        self._each = [_Errors(errors, config, *arm, period_s, repeat) for arm in arms]
 
     def read(self, wrench: Vector) -> tuple[Vector, Mask]:
         """Return the readings of wrenches in S [N, N m] and where they are clipped (..., 6)."""
@@ -138,9 +140,10 @@ class _Errors:
         seed: int,
         side: Side,
         period_s: float,
+        repeat: int,
     ) -> None:
-        def draws(name: str) -> np.random.Generator:
-            return stream(seed, "sensor", side, name)
+        def draws(name: str, repeat: int = 0) -> np.random.Generator:
+            return stream(seed, "sensor", side, name, repeat=repeat)
 
         def pair(force: float, torque: float) -> Vector:
             return np.repeat([force, torque], 3)
@@ -157,7 +160,9 @@ class _Errors:
         self._drift_per_cycle = rate * period_s / _HOUR_S
         walk = pair(errors.force_walk_n, errors.torque_walk_nm)
         self._walk_per_cycle = walk * np.sqrt(period_s / _HOUR_S)
-        self._walks, self._spikes, self._dropouts = map(draws, ("walk", "spike", "drop-out"))
+        self._walks, self._spikes, self._dropouts = (
+            draws(name, repeat) for name in ("walk", "spike", "drop-out")
+        )
         before = errors.zeroed_before_s / _HOUR_S
         self._drift = rate * before + walk * np.sqrt(before) * self._walks.standard_normal(6)
         self._spike = pair(errors.spike_force_n, errors.spike_torque_nm)

@@ -23,6 +23,7 @@ from dualbend.control.force_torque import (
 from dualbend.control.guard import Guard, ProtectiveStop, SensorGuard
 from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError, shortened
+from dualbend.imperfection.draws import noise_streams
 from dualbend.imperfection.link import CommandLink
 from dualbend.imperfection.sensor import ErringSensor, SensorErrors
 from dualbend.run.cell import RobotCell
@@ -52,6 +53,7 @@ class Run:
     checked_poses : joint angles (k, n) of the poses that were tried before the run
     sample : what the sensors say at the start of the next cycle
     identity : what names the run in every file; begun again, it is the same run
+    learned : what was learned before and corrects the path, in words; "" where nothing does
     """
 
     trace: TraceRecorder
@@ -59,6 +61,7 @@ class Run:
     path: ControlledPath
     sample: SensorSample
     checked_poses: Vector
+    learned: str = ""
     compliance: Callable[[Scenario], Controller] = staticmethod(make_compliance)
 
     def __init__(self, scenario: Scenario, cell: RobotCell) -> None:
@@ -74,6 +77,10 @@ class Run:
     def start(self) -> SensorSample:
         """Put the cell where the run begins."""
         raise NotImplementedError
+
+    def controller(self) -> Controller:
+        """Return what deviates from the nominal path, made anew for each run."""
+        return self.compliance(self.scenario)
 
     def step(self) -> bool:
         """Run one command cycle, from :meth:`observe` to :meth:`send`; False: there is none left.
@@ -94,7 +101,7 @@ class Run:
         self.sensors = make_sensors(self.scenario, simulation.model)
         alter = self.scenario.robot.alter
         self.path = ControlledPath(
-            self.compliance(self.scenario), delay_cycles=alter.delay_cycles, mode=alter.mode
+            self.controller(), delay_cycles=alter.delay_cycles, mode=alter.mode
         )
         self.trace = TraceRecorder(
             self.cycles + self.scenario.guard.after_stop_cycles,
@@ -204,6 +211,7 @@ class Run:
             simulated_s=float(simulation.data.time),
             wall_time_s=wall_time_s,
             controller="" if self.compliance is make_compliance else _name_of(self.compliance),
+            learned=self.learned,
             laid=tuple(self.laid),
             contacts=tuple(simulation.contacts),
             identity=self.identity,
@@ -325,15 +333,23 @@ def _name_of(made_by: Callable[[Scenario], Controller]) -> str:
 
 def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
     """Return the wrist sensors of the sensing arms, each with a noise stream of its own."""
-    streams = np.random.SeedSequence(scenario.seed).spawn(len(SIDES))
+    streams = noise_streams(scenario.seed, len(SIDES), scenario.repeat)
     arms = [i for i, side in enumerate(SIDES) if side in scenario.compliance.sensing]
     shape = (len(arms),)
-    errors, noise = scenario.imperfections.sensor, [np.random.default_rng(streams[i]) for i in arms]
+    errors, noise = scenario.imperfections.sensor, [streams[i] for i in arms]
     named = [(scenario.seed, SIDES[i]) for i in arms]
     sensor = (
         Sensor(scenario.sensor, noise, shape)
         if errors == SensorErrors()
-        else ErringSensor(scenario.sensor, noise, errors, named, shape, period_s=COMMAND_PERIOD_S)
+        else ErringSensor(
+            scenario.sensor,
+            noise,
+            errors,
+            named,
+            shape,
+            period_s=COMMAND_PERIOD_S,
+            repeat=scenario.repeat,
+        )
     )
     tools = [
         errors.believed_tool(seed, side, *tool_mass_and_centre(model, side)) for seed, side in named
@@ -353,4 +369,12 @@ def make_link(scenario: Scenario, cell: RobotCell) -> CommandLink | None:
     if not config.errs:
         return None
     counts = [sum(name.startswith(side) for name in joints) for side in SIDES]
-    return CommandLink(config, scenario.seed, SIDES, counts, cell.home, period_s=COMMAND_PERIOD_S)
+    return CommandLink(
+        config,
+        scenario.seed,
+        SIDES,
+        counts,
+        cell.home,
+        period_s=COMMAND_PERIOD_S,
+        repeat=scenario.repeat,
+    )

@@ -49,6 +49,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     outcome: str
     reason: str
     controller: str = ""
+    learned: str = ""
     versions: dict[str, str]
     warnings: list[str] = []
     sheet: dict[str, Any] = {}
@@ -79,8 +80,9 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
         """
         found: dict[str, Any] = msgspec.to_builtins(self)
         tables = found.pop("tables")
-        if not self.controller:
-            del found["controller"]
+        for name in ("controller", "learned"):
+            if not found[name]:
+                del found[name]
         found |= tables
         if self.run is None:
             del found["run"]
@@ -115,6 +117,7 @@ class RunRecord:
     Attributes
     ----------
     controller : name of the compliance that took the place of the scenario's own, if one did
+    learned : what was learned on earlier sheets and corrects the path, in words
     laid : of each sheet of an assembly, (4, 3) as its holes lie over their pins [m]
     contacts : those that the task does not intend, of a run in memory
     scene : model and stiffness, of a run in memory
@@ -128,6 +131,7 @@ class RunRecord:
     outcome: str
     reason: str = ""
     controller: str = ""
+    learned: str = ""
     trace: Trace
     simulated_s: float
     wall_time_s: float

@@ -135,7 +135,7 @@ def _find(name_or_file: str) -> Path:
 
 def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     """Return the file's table merged over the one it extends."""
-    data = _preset_as_table(read_toml(path))
+    data = _learned_from(path.parent, _preset_as_table(read_toml(path)))
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
     refuse_absurd(data, path.name, ())
@@ -157,6 +157,15 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     parent = _read(base_path, (*seen, here))
     parent.pop("description", None)
     return _laid_over(parent, data)
+
+
+def _learned_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:
+    """Return tables in which the file ``path.learned`` is found from the scenario's own folder."""
+    path = tables.get("path")
+    name = path.get("learned", UNSET) if isinstance(path, dict) else UNSET
+    if not isinstance(name, str) or name == UNSET:
+        return tables
+    return {**tables, "path": {**tables["path"], "learned": str(folder / name)}}
 
 
 def _preset_as_table(tables: Mapping[str, Any]) -> dict[str, Any]:

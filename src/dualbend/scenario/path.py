@@ -25,6 +25,18 @@ class _Ends(Tagged):
 
     start_rad: Annotated[float, said("bending angle at the start", ge=0, le=3.15)] = 0.0
     end_rad: Annotated[float, said("bending angle at the end", gt=0, le=3.15)] = 1.0
+    learned: (
+        Annotated[
+            str,
+            said(
+                "file of corrections that dualbend learn wrote, from the scenario's folder; "
+                "none: none",
+                min_length=1,
+                max_length=1000,
+            ),
+        ]
+        | None
+    ) = None
 
     def __post_init__(self) -> None:
         """Refuse angles at which the grippers meet."""

@@ -18,6 +18,7 @@ from dualbend.control.compliance.admittance import AdmittanceConfig, ComplianceC
 from dualbend.control.filters import FirConfig, LowPassConfig
 from dualbend.control.force_torque import ForceTorqueConfig
 from dualbend.control.guard import GuardConfig
+from dualbend.control.learning import LearningConfig
 from dualbend.errors import InputError
 from dualbend.imperfection.config import ImperfectionsConfig, PresetName, alone
 from dualbend.imperfection.sheet import true_sheet
@@ -52,6 +53,10 @@ class Scenario(Config):
     ]
     description: Annotated[str, said("what the scenario shows, in one line", max_length=1000)] = ""
     seed: Annotated[int, said("of noise and imperfections", ge=0, le=10**12)] = 1
+    repeat: Annotated[
+        int,
+        said("number of the sheet in a series: another noise in the same cell", ge=0, le=10**6),
+    ] = 0
     sheet: SheetConfig
     path: PathConfig
     motion: MotionConfig = MotionConfig()
@@ -61,6 +66,7 @@ class Scenario(Config):
     sensor: ForceTorqueConfig = ForceTorqueConfig()
     filter: LowPassConfig = FirConfig()
     compliance: ComplianceConfig = AdmittanceConfig()
+    learning: LearningConfig | None = None
     task: AnyTask = msgspec.field(default_factory=default_task)
     guard: GuardConfig = GuardConfig()
     imperfections: ImperfectionsConfig = ImperfectionsConfig()
@@ -77,6 +83,9 @@ class Scenario(Config):
                 'forces; friction is told by arms that move freely, in an assembly. "none" '
                 "switches it off"
             )
+        if not self.task.learns and (self.learning or self.path.learned):
+            key = "learning" if self.learning else "path.learned"
+            raise InputError(f"{key}: in this task nothing is learned from sheet to sheet")
         self._refuse_curved_shell()
         if self.imperfections.events.grips and self.grasp.friction is None:
             raise InputError(

@@ -26,6 +26,11 @@ class TaskConfig(Tagged):
         return False
 
     @property
+    def learns(self) -> bool:
+        """A path of it can be corrected from sheet to sheet."""
+        return False
+
+    @property
     def carried_share(self) -> float:
         """Share of the sheet's weight that one arm alone must be able to bear."""
         return 0.5

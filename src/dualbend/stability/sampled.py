@@ -176,7 +176,7 @@ class SampledLoop:
             )
         size = sum(acting)
         if arm:
-            self._plant = _compliant_plant(elements, arm, acting)
+            self._plant = compliant_plant(elements, arm, acting)
         else:
             mass = np.zeros((2, 2)) if inertia is None else np.asarray(inertia, dtype=np.float64)
             read = np.stack([part[np.ix_(acting, acting)] for part in (matrix, mass)], axis=-1)
@@ -205,7 +205,7 @@ class SampledLoop:
         return abs(self.admittance.dominant_pole) < 1.0
 
 
-def _compliant_plant(
+def compliant_plant(
     elements: LoopElements, arm: CompliantArm, acting: tuple[bool, bool]
 ) -> StateSpace:
     """Return delay, robot under load and age, from deviations to the wrench read."""

@@ -84,6 +84,7 @@ def origin_section(run: RunRecord) -> Section:
         *([] if summary.run is None else [("run", summary.run.id)]),
         ("seed", summary.seed),
         ("controller", summary.controller or "the scenario's own"),
+        *([("learned", summary.learned)] if summary.learned else []),
         ("cycles", run.trace.rows),
         *summary.versions.items(),
     ]

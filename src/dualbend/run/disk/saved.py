@@ -123,6 +123,7 @@ def _record(
         outcome=summary.outcome,
         reason=summary.reason,
         controller=summary.controller,
+        learned=summary.learned,
         trace=trace,
         simulated_s=simulated_s,
         wall_time_s=wall_time_s,

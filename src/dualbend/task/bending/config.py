@@ -59,6 +59,11 @@ class BendingConfig(TaskConfig, tag="bending"):
 
     misalignment: MisalignmentConfig | None = None
 
+    @property
+    def learns(self) -> bool:
+        """A path of it can be corrected from sheet to sheet."""
+        return True
+
     def check(self, sheet: SheetConfig, motion: MotionConfig) -> None:
         """Refuse misalignment that would strike the sheet."""
         del sheet

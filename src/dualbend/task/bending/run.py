@@ -6,14 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.controller import Controller
+from dualbend.control.learning import CorrectedController
 from dualbend.run.known_sheet import make_compliance
+from dualbend.run.learned import path_correction
 from dualbend.run.planar import PlanarRun
 from dualbend.scenario.motion import NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.simulation import Observation, SensorSample
 from dualbend.task.bending.config import errors_over_time, imposed_errors
-from dualbend.types import SIDES
+from dualbend.types import SIDES, Vector
 
 SPACE_COLUMNS = tuple(
     (f"{side}_{place}_{turn}", "rad")
@@ -39,15 +42,32 @@ def _motion(scenario: Scenario) -> NominalMotion:
 
 
 class BendingRun(PlanarRun):
-    """Bend the sheet along the scenario's path, between grips that may be misaligned in space."""
+    """Bend the sheet along the scenario's path, between grips that may be misaligned in space.
+
+    ``correction`` (2, cycles): turn that is added to each arm's path [rad], in place of the file
+    that the scenario names.
+    """
 
     def __init__(
         self,
         scenario: Scenario,
         compliance: Callable[[Scenario], Controller] = make_compliance,
+        correction: Vector | None = None,
     ) -> None:
         self._imposed = imposed_errors(scenario)
+        self._correction = correction
+        if correction is not None:
+            self.learned = "a correction from Python"
+        elif scenario.path.learned is not None:
+            self._correction, self.learned = path_correction(scenario)
         super().__init__(scenario, _motion(scenario), compliance)
+
+    def controller(self) -> Controller:
+        """Return the compliance, with what was learned added where something was."""
+        plain = super().controller()
+        if self._correction is None:
+            return plain
+        return CorrectedController(plain, self._correction, period_s=COMMAND_PERIOD_S)
 
     def start(self) -> SensorSample:
         """Put the cell at rest in its start; the jaws close on the sheet where they are."""

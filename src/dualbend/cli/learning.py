@@ -1,0 +1,105 @@
+"""The command that runs sheets one after another and learns from them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dualbend.cli.common import (
+    EXIT_UNEXPECTED,
+    FILE,
+    PATH,
+    SCENARIO,
+    SEED,
+    SETTINGS,
+    command,
+    exit_interrupted,
+    load,
+)
+from dualbend.errors import refusing, writing
+from dualbend.files import write_whole
+
+if TYPE_CHECKING:
+    from dualbend.study.learning.series import Series
+    from dualbend.study.learning.sheet import Sheet
+
+
+@command(
+    "dualbend learn learned --sheets 6",
+    "dualbend learn learned-fast --sheets 10 --from runs/learned-sheets/learned.json",
+)
+@SCENARIO
+@click.option(
+    "--sheets", type=click.IntRange(1, 1000), default=5, show_default=True, help="Number of sheets."
+)
+@click.option(
+    "--from",
+    "start",
+    type=FILE,
+    help="File of what was learned before, at whatever speed; default: path.learned.",
+)
+@click.option("--out", type=PATH, help="Folder of the series.")
+@SETTINGS
+@SEED
+@click.option("--record/--no-record", default=True, help="Write sheets.rrd for the rerun viewer.")
+def learn(
+    scenario: str,
+    sheets: int,
+    start: Path | None,
+    out: Path | None,
+    settings: tuple[str, ...],
+    seed: int | None,
+    record: bool,
+) -> None:
+    """Bend sheets one after another and learn from them.
+
+    Refused where the corrections would grow, by the loop's model. The same command continues a
+    series that was interrupted; a larger --sheets makes it longer. What was learned is in the
+    folder's learned.json: dualbend run SCENARIO --set path.learned=FILE takes it.
+    """
+    from dualbend.interrupts import uninterrupted
+    from dualbend.run.learned import read_learned
+    from dualbend.study.learning.figure import plot_sheets
+    from dualbend.study.learning.series import LEARNED, run_series
+    from dualbend.study.learning.sheet import table
+
+    loaded = load(scenario, settings, seed)
+    folder = out or Path("runs") / f"{loaded.name}-sheets"
+    named = start or loaded.path.learned
+    before = None
+    if named is not None:
+        with refusing(f"--from {named}"):
+            before = read_learned(Path(named))
+            before.motion(loaded)
+    done = 0
+
+    def tell(series: Series, sheet: Sheet | None) -> None:
+        nonlocal done
+        done = series.done
+        if sheet is None:
+            click.echo(f"{loaded.name}: {series.prediction}", err=True)
+        else:
+            click.echo(table([sheet]).text().splitlines()[-1], err=True)
+
+    try:
+        found = run_series(loaded, sheets, folder, before, tell)
+    except KeyboardInterrupt:
+        exit_interrupted(done, sheets, folder)
+    lines = table(found)
+    with uninterrupted():
+        with writing(folder, "--out"):
+            write_whole(folder / "table.md", lines.markdown() + "\n")
+        plot_sheets(found, loaded.name, folder / "sheets.png")
+        if record:
+            from dualbend.study.learning.recording import record_sheets
+
+            record_sheets(loaded, found, folder / "sheets.rrd")
+    click.echo(lines.text())
+    if any(sheet.learned for sheet in found):
+        click.echo(f"learned: --set path.learned={folder / LEARNED}")
+    click.echo(f"results in {folder}")
+    if found[-1].outcome not in loaded.expect.outcome:
+        sys.exit(EXIT_UNEXPECTED)

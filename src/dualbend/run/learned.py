@@ -1,0 +1,133 @@
+"""The file of what was learned: a correction over time, and what it belongs to.
+
+JSON: ``format``; ``scenario``, ``seed`` and ``sheets`` that it was learned on; ``force_n``, the
+force along x in the hold of the sheets that taught it [N]; ``period_s`` of its values [s];
+``correction_rad``, the turn that is added to each arm's path at every command cycle [rad];
+``belongs_to``, the scenario's sections without which it is another motion's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.errors import InputError, refusing
+from dualbend.run.arms import with_placements
+from dualbend.run.reading.json_file import file_bytes, read_json
+from dualbend.scenario.motion import MotionConfig, NominalMotion, nominal_motion
+from dualbend.scenario.scenario import Scenario, without_none
+from dualbend.types import SIDES, Config, Side, Vector
+
+_SECTIONS = ("path", "motion", "robot", "sheet", "cell", "grasp", "compliance", "task")
+
+_Turn = Annotated[float, msgspec.Meta(ge=-0.5, le=0.5)]
+
+
+class LearnedFile(Config):
+    """What was learned, as :func:`read_learned` reads it."""
+
+    format: Literal["dualbend learned correction 1"] = "dualbend learned correction 1"
+    scenario: str
+    seed: int
+    sheets: Annotated[int, msgspec.Meta(ge=1)]
+    force_n: float
+    period_s: float
+    belongs_to: dict[str, dict[str, Any]]
+    correction_rad: dict[Side, list[_Turn]]
+
+    @property
+    def correction(self) -> Vector:
+        """The correction (2, cycles) [rad] of the left and the right arm."""
+        return np.array([self.correction_rad[side] for side in SIDES])
+
+    def to_json(self) -> str:
+        """Return the text of the file."""
+        return msgspec.json.format(msgspec.json.encode(self), indent=1).decode() + "\n"
+
+    def motion(self, scenario: Scenario) -> NominalMotion:
+        """Return the motion that it was learned on; InputError where it is of another scenario."""
+        self.refuse_other(scenario, any_speed=True)
+        with refusing("belongs_to.motion", msgspec.ValidationError):
+            config = msgspec.convert(self.belongs_to.get("motion"), MotionConfig)
+        motion = nominal_motion(scenario.path, config, scenario.sheet.length_m)
+        if self.correction.shape[-1] != motion.cycles:
+            raise InputError(
+                f"correction_rad has {self.correction.shape[-1]} values; the motion has "
+                f"{motion.cycles} cycles"
+            )
+        return motion
+
+    def refuse_other(self, scenario: Scenario, *, any_speed: bool = False) -> None:
+        """Raise InputError, with the key, where it was learned on another sheet, arm or motion.
+
+        ``any_speed``: the motion may be another one.
+        """
+        for section, asked in belongings(scenario).items():
+            if any_speed and section == "motion":
+                continue
+            change = _change(self.belongs_to.get(section, {}), asked, section)
+            if change is not None:
+                key, old, new = change
+                raise InputError(
+                    f"was learned with {key} = {_shown(old)}, and here it is {_shown(new)}; "
+                    "learn again: dualbend learn"
+                )
+
+
+def read_learned(path: Path) -> LearnedFile:
+    """Return what a file holds; InputError where it is no file of what was learned."""
+    found = read_json(path, LearnedFile, "correction that dualbend learn wrote")
+    with refusing(str(path)):
+        lengths = {len(values) for values in found.correction_rad.values()}
+        if set(found.correction_rad) != set(SIDES) or len(lengths) != 1:
+            raise InputError(
+                "correction_rad needs as many values for the left as for the right arm"
+            )
+        if found.period_s != COMMAND_PERIOD_S:
+            raise InputError(
+                f"period_s = {found.period_s}: must be {COMMAND_PERIOD_S}, the command period"
+            )
+    return found
+
+
+def path_correction(scenario: Scenario) -> tuple[Vector, str]:
+    """Return the correction (2, cycles) that ``path.learned`` names, and how a record names it.
+
+    Raises InputError where there is no such file, or it belongs to something else.
+    """
+    path = Path(str(scenario.path.learned))
+    with refusing(f"path.learned = {str(path)!r}"):
+        found = read_learned(path)
+        found.refuse_other(scenario)
+        found.motion(scenario)
+        sha256 = hashlib.sha256(file_bytes(path)).hexdigest()
+    return found.correction, f"{path.name}, {found.sheets} sheets, sha256 {sha256}"
+
+
+def belongings(scenario: Scenario) -> dict[str, dict[str, Any]]:
+    """Return the sections that a correction belongs to, the arms' places written in."""
+    tables = msgspec.to_builtins(with_placements(scenario))
+    tables["path"].pop("learned", None)
+    found: dict[str, dict[str, Any]] = without_none({key: tables[key] for key in _SECTIONS})
+    # As JSON gives them back: lists for tuples.
+    return msgspec.json.decode(msgspec.json.encode(found), type=dict[str, dict[str, Any]])
+
+
+def _change(old: object, new: object, key: str) -> tuple[str, object, object] | None:
+    """Return the first key whose value differs, and both values; None where none does."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for name in {**new, **old}:
+            found = _change(old.get(name), new.get(name), f"{key}.{name}")
+            if found is not None:
+                return found
+        return None
+    return None if old == new else (key, old, new)
+
+
+def _shown(value: object) -> str:
+    return "not given" if value is None else repr(value)

@@ -1,0 +1,206 @@
+"""Sheets one after another, each corrected by what the ones before it taught.
+
+A learned sheet is one of the same kind that ran to its end. What repeats from sheet to sheet is the
+cell, drawn from the scenario's seed; noise, walks of the sensors' zeros and lost commands are each
+sheet's own (the scenario's ``repeat``).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.control.learning import LearningConfig, replayed
+from dualbend.errors import InputError, refusing
+from dualbend.evaluation.metrics import held_rows, versions
+from dualbend.files import write_whole
+from dualbend.run.learned import LearnedFile, belongings
+from dualbend.run.make import make_run
+from dualbend.run.record import RunRecord
+from dualbend.scenario.motion import NominalMotion, nominal_motion
+from dualbend.scenario.scenario import Scenario
+from dualbend.stability.learning import LearningPrediction, learning_of, predict_learning
+from dualbend.study.ending import result_of
+from dualbend.study.folder import RUNS, StudyFolder
+from dualbend.study.learning.sheet import Sheet, sheet_of
+from dualbend.types import SIDES, Vector
+
+LEARNED = "learned.json"
+
+
+class Series:
+    """Sheets of a scenario one after another: :meth:`next_sheet` runs one and learns from it.
+
+    ``start``: what was learned before, at whatever speed; ``done``: number of sheets so far.
+    Raises InputError where the corrections would grow, by the loop's model, or what was learned
+    before belongs to something else.
+    """
+
+    prediction: LearningPrediction
+
+    def __init__(self, scenario: Scenario, start: LearnedFile | None = None) -> None:
+        self.scenario = scenario
+        self.config: LearningConfig = learning_of(scenario)
+        if self.config.speeds_rad_per_s and scenario.motion.return_rad is not None:
+            raise InputError(
+                "learning.speeds_rad_per_s: what was learned at one speed is taken to another by "
+                "the bending angle, which must grow: motion.return_rad must be none"
+            )
+        self.prediction = predict_learning(scenario)
+        self.prediction.refuse_divergence()
+        self._arms = [i for i, s in enumerate(SIDES) if s in scenario.compliance.sensing]
+        self._before, self._forces = 0, list[float]()
+        self._motion = self._motion_of(1)
+        self._correction = np.zeros((len(self._arms), self._motion.cycles))
+        if start is not None:
+            self._before, self._forces = start.sheets, [start.force_n] * start.sheets
+            self._motion = self._motion_of(1)
+            self._correction = start.correction[self._arms]
+            self._take(start.motion(scenario), self._motion)
+        self.done = 0
+
+    def resume(self, sheets: Sequence[Sheet]) -> None:
+        """Go on after sheets that were bent before; InputError where they are no series of it."""
+        for sheet in sheets:
+            self._motion = self._motion_of(sheet.sheet)
+            arms, cycles, number = len(self._arms), self._motion.cycles, self.done + 1
+            lengths = [len(values) for values in sheet.correction_rad]
+            if sheet.sheet != number or lengths != [cycles] * arms:
+                raise InputError(
+                    f"sheet {sheet.sheet}: must be sheet {number}, with {cycles} values of "
+                    f"correction_rad for each of {arms} arms"
+                )
+            self._correction = np.array(sheet.correction_rad)
+            self._note(sheet)
+
+    def scenario_of(self, number: int) -> Scenario:
+        """Return the scenario of a sheet, counted from 1: its speed and its own noise."""
+        speeds, motion = self.config.speeds_rad_per_s, self.scenario.motion
+        if number <= len(speeds):
+            motion = msgspec.structs.replace(motion, speed_rad_per_s=speeds[number - 1])
+        return msgspec.structs.replace(self.scenario, motion=motion, repeat=self._before + number)
+
+    @property
+    def correction(self) -> Vector:
+        """The correction (2, cycles) [rad] of the next sheet; without a sensor as the other arm."""
+        return np.array(np.broadcast_to(self._correction, (len(SIDES), self._motion.cycles)))
+
+    @property
+    def sheets(self) -> int:
+        """Sheets that taught something, those of the start included."""
+        return len(self._forces)
+
+    def learned(self) -> LearnedFile:
+        """Return what was learned, for runs at the last sheet's speed."""
+        at = self.scenario_of(max(self.done, 1))
+        return LearnedFile(
+            scenario=at.name,
+            seed=at.seed,
+            sheets=self.sheets,
+            force_n=float(np.mean(self._forces)),
+            period_s=COMMAND_PERIOD_S,
+            belongs_to=belongings(at),
+            correction_rad=dict(zip(SIDES, self.correction.tolist(), strict=True)),
+        )
+
+    def next_sheet(
+        self, vary: Callable[[Scenario], Scenario] = lambda scenario: scenario
+    ) -> tuple[Sheet, RunRecord]:
+        """Run the next sheet and learn from it; ``vary`` says what is different about it."""
+        number = self.done + 1
+        motion = self._motion_of(number)
+        self._take(self._motion, motion)
+        self._motion = motion
+        scenario = vary(self.scenario_of(number))
+        result = result_of(make_run(scenario, correction=self.correction))
+        force = self._force(result)
+        note = self._why_not(result, force)
+        if not note:
+            moment = [result[f"{SIDES[i]}_filtered_moment_y"] for i in self._arms]
+            self._correction = self.prediction.law.update(self._correction, np.array(moment))
+        sheet = sheet_of(number, result, note, force, self._correction)
+        self._note(sheet)
+        return sheet, result
+
+    def _note(self, sheet: Sheet) -> None:
+        self.done = sheet.sheet
+        if sheet.learned and sheet.force_n is not None:
+            self._forces.append(sheet.force_n)
+
+    def _why_not(self, result: RunRecord, force_n: float | None) -> str:
+        """Return why a sheet teaches nothing; "" where it does."""
+        if result.outcome != "completed" or force_n is None:
+            return f"{result.outcome.replace('_', ' ')}: {result.reason}"
+        usual = float(np.mean(self._forces)) if self._forces else force_n
+        change = force_n / usual - 1.0 if usual else 0.0
+        if abs(change) > self.config.changed:
+            return f"another sheet: its force is {100 * change:+.0f} % of the learned ones'"
+        return ""
+
+    def _force(self, result: RunRecord) -> float | None:
+        """Return the mean force along x in the hold, as the sensors read it [N]."""
+        rows = held_rows(result)
+        values = [result[f"{SIDES[i]}_filtered_force_x"][rows] for i in self._arms]
+        mean = float(np.mean(values)) if rows.any() else np.nan
+        return mean if np.isfinite(mean) else None
+
+    def _motion_of(self, number: int) -> NominalMotion:
+        scenario = self.scenario_of(number)
+        return nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
+
+    def _take(self, learned: NominalMotion, asked: NominalMotion) -> None:
+        """Take the correction from one motion to another."""
+        if np.array_equal(learned.alpha_rad, asked.alpha_rad):
+            return
+        lag = self.scenario.robot.alter.delay_cycles
+        self._correction = replayed(
+            self._correction, learned.alpha_rad, asked.alpha_rad, lag_cycles=lag
+        )
+
+
+def run_series(
+    scenario: Scenario,
+    sheets: int,
+    folder: Path,
+    start: LearnedFile | None = None,
+    on_sheet: Callable[[Series, Sheet | None], None] = lambda *_: None,
+) -> list[Sheet]:
+    """Run sheets up to a number of them, each kept in the folder as it ends; return all.
+
+    What was learned is in the folder's ``learned.json`` after every sheet. A sheet that does not
+    run to its end ends the series; the same call then goes on with the next one. ``on_sheet`` is
+    called before the first sheet, with None, and after each.
+
+    Raises KeyboardInterrupt where it is interrupted: the sheets that ended are kept. InputError
+    where the folder is another study's or cannot be used, or as :class:`Series`.
+    """
+    told = "" if start is None else hashlib.sha256(start.to_json().encode()).hexdigest()
+    about = {"versions": versions(), "scenario": scenario.to_toml(), "from": told}
+    kept = StudyFolder(folder=folder, row=Sheet, study=about)
+    series = Series(scenario, start)
+    with kept.opened(lambda row: row.sheet) as (old, keep):
+        done = sorted(old.values(), key=lambda row: row.sheet)
+        with refusing(f"--out {folder / RUNS}"):
+            series.resume(done)
+        on_sheet(series, None)
+        for sheet in _left(series, sheets - len(done)):
+            keep(sheet)
+            done.append(sheet)
+            if series.sheets:
+                write_whole(folder / LEARNED, series.learned().to_json())
+            on_sheet(series, sheet)
+    return done
+
+
+def _left(series: Series, count: int) -> Iterator[Sheet]:
+    """Yield the sheets that are left, to the first that does not end as it should."""
+    for _ in range(count):
+        sheet, _ = series.next_sheet()
+        yield sheet
+        if sheet.outcome != "completed":
+            return
