@@ -238,8 +238,11 @@ class AssemblyProgram:
         """Unfold; where it is not the first time, bend up to the touch and turn before."""
         config = self.config
         turns = config.search.turns(config.layout.holes)
-        most = max(config.check_force_n, self.least_force_n) * config.layout.holes.outer.along_m
-        turn = Turn(pace=self.pace, turns=turns, most=most, alpha_ratio=1.0)
+        far = config.layout.holes.outer.along_m
+        # As slowly as pins are felt for: the middle ones hold the sheet.
+        pace = replace(self.pace, angular_rad_per_s=_CHECK_M_PER_S / far)
+        most = max(config.check_force_n, self.least_force_n) * far
+        turn = Turn(pace=pace, turns=turns, most=most, alpha_ratio=1.0)
         slow = replace(self.pace, angular_rad_per_s=config.speeds.contact_rad_per_s)
         return [
             *(replace(move, retry_only=True) for move in (touch, turn)),
