@@ -66,7 +66,7 @@ def make(config: AssemblyConfig = COMPLIANT) -> AssemblyProgram:
         bend_speed_rad_per_s=0.15,
         period_s=COMMAND_PERIOD_S,
         least_force_n=0.1,
-        least_moment_nm=0.009,
+        least_moment_nm=0.0127,
     )
 
 

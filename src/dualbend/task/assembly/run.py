@@ -127,6 +127,8 @@ class AssemblyRun(Run):
         limit = scenario.limit_strain
         assert limit is not None  # an assembly has one
         told = scenario.sensor
+        force_n = told.force_noise_n + told.force_resolution_n
+        torque_nm = told.torque_noise_nm + told.torque_resolution_nm
         program = partial(
             AssemblyProgram,
             config=self.config,
@@ -136,8 +138,9 @@ class AssemblyRun(Run):
             touch_rad=self.plan.range.reach_rad,
             bend_speed_rad_per_s=scenario.motion.speed_rad_per_s,
             period_s=COMMAND_PERIOD_S,
-            least_force_n=told.force_noise_n + told.force_resolution_n,
-            least_moment_nm=1.5 * (told.torque_noise_nm + told.torque_resolution_nm),
+            least_force_n=force_n,
+            # Of both arms' mean, about the grips: the sensors' distance is the arm of a force.
+            least_moment_nm=(torque_nm + told.lever_arm_m * force_n) / math.sqrt(2.0),
             rehearse=scenario.robot.servo.friction_estimate is not None,
         )
         self.program = program()

@@ -179,15 +179,17 @@ class AssemblyProgram:
         opened = wait(quantity=State.jaw_gap, above=1.6 * start.opening, otherwise=gap)
         middle, outer = self._middle_holes(layer), self._outer_holes()
         touch, slack = self._unfold_to_touch(layer), self._slack()
-        slacken = (
-            [Slacken(slack=slack, timeout_s=config.timeout_s, alpha_ratio=0.0)] if slack else []
+        # In the air nothing else holds the sheet, on the pins they do.
+        aloft, slacken = (
+            [Slacken(slack=slack, timeout_s=config.timeout_s, alpha_ratio=ratio)] if slack else []
+            for ratio in (None, 0.0)
         )
         return [
             Phase("approach", [*come, move(retreat=0.0), settle(), Measure("empty")]),
             Phase("grasp", [move(opening=0.0), closed, CheckGrasp(t)]),
             Phase(
                 "lift",
-                [move(z=start.z + config.lift_m), settle(), weighed, *flat],
+                [move(z=start.z + config.lift_m), settle(), *aloft, weighed, *flat],
                 slack=slack,
             ),
             Phase("carry", [move(y=0.0, z=over), settle()], slack=slack),
