@@ -147,3 +147,14 @@ def test_a_run_begun_again_holds_the_sheet_anew() -> None:
     run.begin()
     assert not sliding.offset.any()
     assert not sliding.slip.any()
+
+
+def test_in_divided_steps_an_edge_slides_as_in_whole_ones() -> None:
+    """Limited by discretisation: a step's part of the slip."""
+    whole, divided = Held(*FRICTION), Held(*FRICTION)
+    divided.simulation.parts = lambda: 4
+    for held in (whole, divided):
+        held.push((1.2 * LIMIT_N, 0.5 * LIMIT_N, 0.0), 0.0, 6)
+    assert np.linalg.norm(whole.slip[:2]) > 1e-3
+    np.testing.assert_allclose(divided.slip, whole.slip, rtol=0.12)
+    assert divided.size().max() == pytest.approx(1.0, abs=0.002)  # friction's limit

@@ -38,6 +38,7 @@ CAUSES = (
     ("nothing is between", "sheet not gripped"),
     ("the jaws have not", "jaws not at rest"),
     ("the arms carry", "weight not as expected"),
+    ("is bent by itself", "sheet not flat"),
     ("the grips are not where", "grips not where sent"),
     ("arm stops", "an arm stopped"),
     ("nothing new", "sensor lost"),
