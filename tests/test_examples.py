@@ -34,8 +34,13 @@ def own_task(found: dict[str, float]) -> None:
     TASKS.remove("weigh")
 
 
+def own_loop(found: dict[str, float]) -> None:
+    assert found["without"] == pytest.approx(38.7e-3, abs=0.1e-3)  # golden: as own_compliance
+    assert found["with"] == pytest.approx(27.3e-3, abs=0.1e-3)  # golden
+
+
 CHECKS: dict[str, Callable[[Any], None]] = {
-    check.__name__: check for check in (own_path, own_compliance, own_arm, own_task)
+    check.__name__: check for check in (own_path, own_compliance, own_arm, own_task, own_loop)
 }
 
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from dualbend.run.make import make_run
     from dualbend.run.planar import PlanarRun
     from dualbend.run.record import Metric, RunRecord
+    from dualbend.run.stepped import Cell, open_cell
     from dualbend.scenario.load import list_scenarios, load_scenario
     from dualbend.scenario.motion import NominalMotion
     from dualbend.scenario.scenario import Scenario
@@ -43,6 +44,7 @@ __all__ = [
     "TASKS",
     "ApproximatePath",
     "BendingPath",
+    "Cell",
     "ExactPath",
     "InputError",
     "LoopElements",
@@ -64,6 +66,7 @@ __all__ = [
     "load_run",
     "load_scenario",
     "make_run",
+    "open_cell",
     "plan_assembly",
     "predict",
     "solve_planar",
@@ -77,6 +80,7 @@ _HOMES = {
     "TASKS": "registry",
     "ApproximatePath": "beam.path",
     "BendingPath": "beam.path",
+    "Cell": "run.stepped",
     "ExactPath": "beam.path",
     "InputError": "errors",
     "LoopElements": "stability.sampled",
@@ -98,6 +102,7 @@ _HOMES = {
     "load_run": "run.disk.saved",
     "load_scenario": "scenario.load",
     "make_run": "run.make",
+    "open_cell": "run.stepped",
     "plan_assembly": "planning.plan",
     "predict": "stability.prediction",
     "solve_planar": "beam.rod.planar",
