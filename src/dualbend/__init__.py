@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dualbend.control.clock import COMMAND_PERIOD_S
     from dualbend.control.compliance.object import critical_rate
     from dualbend.control.controller import Observation
+    from dualbend.env.arms import parallel_env
     from dualbend.errors import InputError
     from dualbend.planning.plan import plan_assembly
     from dualbend.registry import TASKS, Task
@@ -67,6 +68,7 @@ __all__ = [
     "load_scenario",
     "make_run",
     "open_cell",
+    "parallel_env",
     "plan_assembly",
     "predict",
     "solve_planar",
@@ -103,6 +105,7 @@ _HOMES = {
     "load_scenario": "scenario.load",
     "make_run": "run.make",
     "open_cell": "run.stepped",
+    "parallel_env": "env.arms",
     "plan_assembly": "planning.plan",
     "predict": "stability.prediction",
     "solve_planar": "beam.rod.planar",

@@ -136,7 +136,7 @@ def test_a_seed_is_that_of_the_scenario() -> None:
     assert four.scenario.seed == cell.scenario.seed == 4
     assert not three.trace.equals(four.trace)
     assert_same(stepped(cell, seed=3), three)
-    assert_same(stepped(open_cell(load_scenario("fig8", SHORT), ("seed=3",))), three)
+    assert_same(stepped(open_cell(load_scenario("fig8", SHORT), seed=3)), three)
     assert three.identity is not None
     assert four.identity is not None
     assert three.identity.id != four.identity.id
@@ -210,6 +210,8 @@ def test_what_cannot_be_is_said() -> None:
         cell.step()
     with pytest.raises(InputError, match="seed"):
         cell.reset(seed=-1)
+    with pytest.raises(InputError, match="give them to load_scenario"):
+        open_cell(load_scenario("exact"), SHORT)
     with pytest.raises(InputError, match="scenario 'nothing'"):
         open_cell("nothing")
     at_once = open_cell("exact", (*SHORT, "imperfections.events.arm_stop.at_s=0"))

@@ -34,9 +34,11 @@ def open_cell(
     ``settings`` and ``seed`` as :func:`load_scenario` takes them; ``on_cycle``: what
     :class:`Cell` calls. Raises InputError where the scenario or a setting is wrong.
     """
-    if isinstance(scenario, Scenario):
-        return Cell(_resolved(scenario, settings, seed), on_cycle)
-    return Cell(load_scenario(scenario, settings, seed), on_cycle)
+    if not isinstance(scenario, Scenario):
+        return Cell(load_scenario(scenario, settings, seed), on_cycle)
+    if settings:
+        raise InputError("settings are laid over a name or a file: give them to load_scenario")
+    return Cell(scenario if seed is None else _seeded(scenario, seed), on_cycle)
 
 
 class Cell:
@@ -70,7 +72,7 @@ class Cell:
         Raises InputError where the scenario cannot be run, or ends before a controller is asked.
         """
         if seed is not None:
-            self.scenario = _resolved(self.scenario, (), seed)
+            self.scenario = _seeded(self.scenario, seed)
         self.run = make_run(self.scenario)
         self._walk, self._left = self.run.walk(self._tell), None
         self._advance(next)
@@ -161,10 +163,10 @@ class Cell:
             raise KeyboardInterrupt
 
 
-def _resolved(scenario: Scenario, settings: Settings, seed: int | None) -> Scenario:
-    """Return a scenario with settings and seed applied, both checked."""
+def _seeded(scenario: Scenario, seed: int) -> Scenario:
+    """Return a scenario with another seed, which is checked."""
     tables = parse_toml(scenario.to_toml(), scenario.name)
-    return resolve_scenario(tables, f"scenario {scenario.name!r}", settings, seed)
+    return resolve_scenario(tables, f"scenario {scenario.name!r}", seed=seed)
 
 
 def _deviation(action: ArrayLike) -> Vector:
