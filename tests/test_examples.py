@@ -39,8 +39,15 @@ def own_loop(found: dict[str, float]) -> None:
     assert found["with"] == pytest.approx(27.3e-3, abs=0.1e-3)  # golden
 
 
+def own_learner(found: dict[str, float]) -> None:
+    assert found["without"] == pytest.approx(-92.9, abs=0.5)  # golden
+    assert found["learned"] == pytest.approx(-22.4, abs=1.0)  # golden
+    assert found["b"] == pytest.approx(4.1, abs=0.5)  # golden
+
+
 CHECKS: dict[str, Callable[[Any], None]] = {
-    check.__name__: check for check in (own_path, own_compliance, own_arm, own_task, own_loop)
+    check.__name__: check
+    for check in (own_path, own_compliance, own_arm, own_task, own_loop, own_learner)
 }
 
 

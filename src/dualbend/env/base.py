@@ -18,7 +18,7 @@ from dualbend.types import SIDES, Vector
 SENSING = ('compliance.sensing=["left","right"]',)
 """Settings of an environment that is given none: both arms have a sensor."""
 
-LARGEST_M, LARGEST_RAD = 2e-3, 0.05
+LARGEST_M, LARGEST_RAD = 2e-3, 0.1
 """Bounds of an action: deviation of a grip along x and z, and in pitch."""
 
 _OFF_M, _OFF_RAD = 0.1, 1.0
