@@ -11,14 +11,16 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test
 
 from dualbend import InputError, parallel_env
+from dualbend.env.assemble import AssembleEnv
 from dualbend.env.base import SENSING
 from dualbend.env.bend import BendEnv
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
+from dualbend.scene.bed.config import HOLES
 from dualbend.types import Vector
 
 SHORT = (*SENSING, "motion.speed_rad_per_s=1.0", "path.end_rad=0.3", "motion.hold_s=0.1")
-BEND = "dualbend.env:dualbend/Bend-v1"
+BEND, ASSEMBLE = "dualbend.env:dualbend/Bend-v1", "dualbend.env:dualbend/Assemble-v1"
 
 
 def episode(env: Any, seed: int | None, action: Vector) -> tuple[list[float], dict[str, Any]]:
@@ -32,10 +34,11 @@ def episode(env: Any, seed: int | None, action: Vector) -> tuple[list[float], di
     return rewards, info
 
 
-def test_gymnasium_finds_nothing_to_say_of_bending() -> None:
+@pytest.mark.parametrize(("name", "settings"), [(BEND, SHORT), (ASSEMBLE, ())])
+def test_gymnasium_finds_nothing_to_say(name: str, settings: tuple[str, ...]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(gymnasium.make(BEND, settings=SHORT).unwrapped)
+        check_env(gymnasium.make(name, settings=settings).unwrapped)
 
 
 def test_pettingzoo_finds_nothing_to_say_of_the_arms() -> None:
@@ -112,6 +115,20 @@ def test_an_arm_without_a_sensor_reads_zero() -> None:
 def test_another_task_is_refused() -> None:
     with pytest.raises(InputError, match="'pwb': dualbend/Bend-v1 needs a bending"):
         BendEnv("pwb")
+    with pytest.raises(InputError, match="'fig6': dualbend/Assemble-v1 needs an assembly"):
+        AssembleEnv("fig6")
+
+
+@pytest.mark.slow
+def test_without_deviation_the_sheet_is_laid_as_in_the_run() -> None:
+    env = AssembleEnv()
+    rewards, info = episode(env, 1, np.zeros(6))
+    result = make_run(load_scenario("pwb")).run()
+    assert (info["outcome"], info["laid"]) == ("completed", 1)
+    assert info["metrics"]["peak_pin_force"] == result.metrics["peak_pin_force"].value
+    forces = np.max([result[f"pin_force_{hole}"] for hole in HOLES], axis=0)
+    cost = np.sum((forces[1:] / 40.0) ** 2) + (forces[-1] / 40.0) ** 2
+    assert sum(rewards) == pytest.approx(env.laid_reward - cost, rel=1e-9)
 
 
 @pytest.mark.parametrize("library", ["gymnasium", "pettingzoo"])
@@ -119,7 +136,8 @@ def test_without_the_extra_the_message_names_it(
     library: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, library, None)
-    monkeypatch.delitem(gymnasium.registry, "dualbend/Bend-v1")
+    for name in ("dualbend/Bend-v1", "dualbend/Assemble-v1"):
+        monkeypatch.delitem(gymnasium.registry, name)
     for name in [name for name in sys.modules if name.startswith("dualbend.env")]:
         monkeypatch.delitem(sys.modules, name)
     with pytest.raises(InputError, match=r"pip install 'dualbend\[env\]'"):

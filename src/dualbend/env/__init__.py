@@ -13,3 +13,4 @@ except ImportError as error:
     raise InputError(EXTRA) from error
 
 gymnasium.register("dualbend/Bend-v1", entry_point="dualbend.env.bend:BendEnv")
+gymnasium.register("dualbend/Assemble-v1", entry_point="dualbend.env.assemble:AssembleEnv")

@@ -21,9 +21,6 @@ SENSING = ('compliance.sensing=["left","right"]',)
 LARGEST_M, LARGEST_RAD = 2e-3, 0.1
 """Bounds of an action: deviation of a grip along x and z, and in pitch."""
 
-_OFF_M, _OFF_RAD = 0.1, 1.0
-"""Bounds of an observation: how far a grip may be from its nominal pose."""
-
 _SEEDS = 2**31
 
 Info = dict[str, Any]
@@ -51,6 +48,9 @@ class CellEnv(gymnasium.Env[Vector, Vector]):
 
     action_space: Box[np.float64]
     observation_space: Box[np.float64]
+    grip_bounds = (0.1, 0.1, 1.0)
+    """Of what :meth:`grips` returns of each arm [m, m, rad]."""
+
     metadata = {"render_modes": []}  # noqa: RUF012 - as the base class has it
 
     def __init__(self, scenario: str, settings: Settings, failure_cost: float) -> None:
@@ -59,10 +59,10 @@ class CellEnv(gymnasium.Env[Vector, Vector]):
         largest = np.array([LARGEST_M, LARGEST_M, LARGEST_RAD] * len(SIDES))
         self.action_space = Box(-largest, largest, dtype=np.float64)
         force_n, torque_nm = self.cell.scenario.sensor.full_scale
-        arm = [force_n, force_n, torque_nm, _OFF_M, _OFF_M, _OFF_RAD]
+        arm = [force_n, force_n, torque_nm, *self.grip_bounds]
         low, high = zip(*self.further(), strict=True)
         self.observation_space = Box(
-            -np.array([*arm, *arm, *(-each for each in low)]),
+            np.array([*(-each for each in (*arm, *arm)), *low]),
             np.array([*arm, *arm, *high]),
             dtype=np.float64,
         )
@@ -70,6 +70,11 @@ class CellEnv(gymnasium.Env[Vector, Vector]):
     @abstractmethod
     def further(self) -> list[tuple[float, float]]:
         """Return the bounds of what is observed besides the arms."""
+
+    def grips(self, observation: Observation) -> Vector:
+        """Return what is observed of the grips' poses (2, 3): how far they are off."""
+        off: Vector = observation.measured.coordinates - observation.nominal.coordinates
+        return off
 
     @abstractmethod
     def observed(self, observation: Observation) -> list[float]:
@@ -103,8 +108,7 @@ class CellEnv(gymnasium.Env[Vector, Vector]):
     def _flat(self, observation: Observation) -> Vector:
         """Return what is observed, within the bounds of its space."""
         wrench = np.nan_to_num(observation.filtered.planar)
-        off = observation.measured.coordinates - observation.nominal.coordinates
-        arms = np.hstack([wrench, off]).ravel()
+        arms = np.hstack([wrench, self.grips(observation)]).ravel()
         flat = np.concatenate([arms, self.observed(observation)])
         inside: Vector = np.clip(flat, self.observation_space.low, self.observation_space.high)
         return inside
