@@ -31,6 +31,7 @@ ROOMS = (
     "recording",
     "report",
     "task",
+    "env",
     "study",
     "check",
     "validation",
@@ -47,6 +48,8 @@ HOMES = {
     "jinja2": "report/template.py",
     "markdown_it": "report/template.py",
     "trimesh": "arm/meshes.py",
+    "gymnasium": "env/",
+    "pettingzoo": "env/",
 }
 NO_MUJOCO = ("beam", "control", "planning")
 LARGEST_MODULE, MOST_MODULES, LARGEST_SHARE = 400, 15, 0.12

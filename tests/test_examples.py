@@ -34,8 +34,20 @@ def own_task(found: dict[str, float]) -> None:
     TASKS.remove("weigh")
 
 
+def own_loop(found: dict[str, float]) -> None:
+    assert found["without"] == pytest.approx(38.7e-3, abs=0.1e-3)  # golden: as own_compliance
+    assert found["with"] == pytest.approx(27.3e-3, abs=0.1e-3)  # golden
+
+
+def own_learner(found: dict[str, float]) -> None:
+    assert found["without"] == pytest.approx(-92.9, abs=0.5)  # golden
+    assert found["learned"] == pytest.approx(-22.4, abs=1.0)  # golden
+    assert found["b"] == pytest.approx(4.1, abs=0.5)  # golden
+
+
 CHECKS: dict[str, Callable[[Any], None]] = {
-    check.__name__: check for check in (own_path, own_compliance, own_arm, own_task)
+    check.__name__: check
+    for check in (own_path, own_compliance, own_arm, own_task, own_loop, own_learner)
 }
 
 

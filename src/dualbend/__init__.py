@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dualbend.control.clock import COMMAND_PERIOD_S
     from dualbend.control.compliance.object import critical_rate
     from dualbend.control.controller import Observation
+    from dualbend.env.arms import parallel_env
     from dualbend.errors import InputError
     from dualbend.planning.plan import plan_assembly
     from dualbend.registry import TASKS, Task
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from dualbend.run.make import make_run
     from dualbend.run.planar import PlanarRun
     from dualbend.run.record import Metric, RunRecord
+    from dualbend.run.stepped import Cell, open_cell
     from dualbend.scenario.load import list_scenarios, load_scenario
     from dualbend.scenario.motion import NominalMotion
     from dualbend.scenario.scenario import Scenario
@@ -43,6 +45,7 @@ __all__ = [
     "TASKS",
     "ApproximatePath",
     "BendingPath",
+    "Cell",
     "ExactPath",
     "InputError",
     "LoopElements",
@@ -64,6 +67,8 @@ __all__ = [
     "load_run",
     "load_scenario",
     "make_run",
+    "open_cell",
+    "parallel_env",
     "plan_assembly",
     "predict",
     "solve_planar",
@@ -77,6 +82,7 @@ _HOMES = {
     "TASKS": "registry",
     "ApproximatePath": "beam.path",
     "BendingPath": "beam.path",
+    "Cell": "run.stepped",
     "ExactPath": "beam.path",
     "InputError": "errors",
     "LoopElements": "stability.sampled",
@@ -98,6 +104,8 @@ _HOMES = {
     "load_run": "run.disk.saved",
     "load_scenario": "scenario.load",
     "make_run": "run.make",
+    "open_cell": "run.stepped",
+    "parallel_env": "env.arms",
     "plan_assembly": "planning.plan",
     "predict": "stability.prediction",
     "solve_planar": "beam.rod.planar",

@@ -18,7 +18,7 @@ from dualbend.control.force_torque import (
 from dualbend.errors import InputError
 from dualbend.imperfection.draws import cut_normal, stream
 from dualbend.imperfection.sensor import ErringSensor, SensorErrors
-from dualbend.run.loop import make_sensors
+from dualbend.run.cell import make_sensors
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.task.bending.run import BendingRun

@@ -124,8 +124,11 @@ class ControlledPath:
         self._delay = TransportDelay(delay_cycles, 6, (*shape, 2))
         self._modification = PlanarPathModification(mode)
 
-    def command(self, observation: Observation) -> Command:
+    def command(self, observation: Observation, action: Vector | None = None) -> Command:
         """Ask the controller and modify the nominal poses.
+
+        An ``action`` takes the place of its deviation in this cycle. It is asked all the same: what
+        it remembers goes on.
 
         Raises
         ------
@@ -138,6 +141,9 @@ class ControlledPath:
             deviation = np.asarray(self.controller(observation), dtype=np.float64)
         except Exception as error:
             raise ControllerFailed(f"{type(error).__name__}: {error}{_place(error)}") from error
+        saturated = getattr(self.controller, "saturated", _NEVER)
+        if action is not None:
+            deviation, saturated = action, _NEVER
         if deviation.shape != shape:
             raise ControllerFailed(f"its deviation is of shape {deviation.shape}, not {shape}")
         if not np.isfinite(deviation).all():
@@ -147,7 +153,6 @@ class ControlledPath:
         except InputError as error:
             raise ControllerFailed(str(error)) from error
         pose = self._modification.compose(observation.nominal, self._delay.update(deviation))
-        saturated = getattr(self.controller, "saturated", _NEVER)
         return Command(deviation=deviation, pose=pose, saturated=saturated)
 
 

@@ -1,4 +1,4 @@
-"""A scenario's cell made ready to be commanded: inverse kinematics, servos, response, physics."""
+"""A scenario's cell made ready to be commanded: IK, servos, response, physics, sensors, link."""
 
 from __future__ import annotations
 
@@ -11,9 +11,15 @@ import numpy as np
 from dualbend.beam import elastica
 from dualbend.control.brake import Brakes
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
+from dualbend.control.filters import LowPass
+from dualbend.control.force_torque import Sensor, ToolGravityCompensation, WrenchChain
 from dualbend.control.response import CommandResponse
 from dualbend.control.servo import FrictionEstimate, IntegralAction, JointServo
+from dualbend.control.wrist import WristSensors
+from dualbend.imperfection.draws import noise_streams
+from dualbend.imperfection.link import CommandLink
 from dualbend.imperfection.robot import RobotErrors, Stribeck, TrueArms
+from dualbend.imperfection.sensor import ErringSensor, SensorErrors
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.believed import BelievedArms
@@ -21,8 +27,8 @@ from dualbend.scene.cell import compose_cell, robots_only, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.sheet.model import ShellModel
 from dualbend.scene.sheet.strips import StripConfig
-from dualbend.scene.simulation import Observation, SensorSample, Simulation
-from dualbend.types import Mask, Side, Vector
+from dualbend.scene.simulation import Observation, SensorSample, Simulation, tool_mass_and_centre
+from dualbend.types import SIDES, Mask, Side, Vector
 
 
 class RobotCell:
@@ -206,4 +212,53 @@ def make_integral(scenario: Scenario, robots: mujoco.MjModel) -> IntegralAction:
         stiffness=joint_stiffness(scenario),
         torque_limit=robots.jnt_actfrcrange[:, 1],
         period_s=COMMAND_PERIOD_S,
+    )
+
+
+def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
+    """Return the wrist sensors of the sensing arms, each with a noise stream of its own."""
+    streams = noise_streams(scenario.seed, len(SIDES), scenario.repeat)
+    arms = [i for i, side in enumerate(SIDES) if side in scenario.compliance.sensing]
+    shape = (len(arms),)
+    errors, noise = scenario.imperfections.sensor, [streams[i] for i in arms]
+    named = [(scenario.seed, SIDES[i]) for i in arms]
+    sensor = (
+        Sensor(scenario.sensor, noise, shape)
+        if errors == SensorErrors()
+        else ErringSensor(
+            scenario.sensor,
+            noise,
+            errors,
+            named,
+            shape,
+            period_s=COMMAND_PERIOD_S,
+            repeat=scenario.repeat,
+        )
+    )
+    tools = [
+        errors.believed_tool(seed, side, *tool_mass_and_centre(model, side)) for seed, side in named
+    ]
+    chain = WrenchChain(
+        sensor,
+        ToolGravityCompensation([mass for mass, _ in tools], [centre for _, centre in tools]),
+        LowPass(scenario.filter, period_s=COMMAND_PERIOD_S, shape=shape),
+        np.eye(3),
+    )
+    return WristSensors(chain, arms)
+
+
+def make_link(scenario: Scenario, cell: RobotCell) -> CommandLink | None:
+    """Return the link of both arms' commands; None where it makes no error."""
+    config, joints = scenario.imperfections.link, cell.simulation.joints
+    if not config.errs:
+        return None
+    counts = [sum(name.startswith(side) for name in joints) for side in SIDES]
+    return CommandLink(
+        config,
+        scenario.seed,
+        SIDES,
+        counts,
+        cell.home,
+        period_s=COMMAND_PERIOD_S,
+        repeat=scenario.repeat,
     )

@@ -5,28 +5,19 @@ from __future__ import annotations
 import signal
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from typing import TypeVar
 
-import mujoco
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.controller import Command, ControlledPath, Controller, ControllerFailed
 from dualbend.control.controller import Observation as Observed
-from dualbend.control.filters import LowPass
-from dualbend.control.force_torque import (
-    Sensor,
-    ToolGravityCompensation,
-    WrenchChain,
-    WrenchReading,
-)
+from dualbend.control.force_torque import WrenchReading
 from dualbend.control.guard import Guard, ProtectiveStop, SensorGuard
 from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError, shortened
-from dualbend.imperfection.draws import noise_streams
-from dualbend.imperfection.link import CommandLink
-from dualbend.imperfection.sensor import ErringSensor, SensorErrors
-from dualbend.run.cell import RobotCell
+from dualbend.run.cell import RobotCell, make_link, make_sensors
 from dualbend.run.identity import RunIdentity
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.outcome import TaskStopped
@@ -35,17 +26,22 @@ from dualbend.run.trace import TraceRecorder
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import Outcome
 from dualbend.scene.ik import Targets
-from dualbend.scene.simulation import PLANAR, Observation, SensorSample, tool_mass_and_centre
+from dualbend.scene.simulation import PLANAR, Observation, SensorSample
 from dualbend.scene.warnings import SimulationFailed, refuse_warnings, warnings_counted_only
 from dualbend.types import SIDES, PlanarPose, Side, Vector
+
+T = TypeVar("T")
+Asking = Generator[Observed, Vector | None, T]
+"""Yields what the controller observes before it is asked; a deviation (2, 6) that is sent in takes
+the place of its answer."""
 
 
 class Run:
     """A scenario made ready: everything that can be refused has been when this exists.
 
     A subclass says where the run begins (:meth:`start`) and what one command cycle is
-    (:meth:`step`). :meth:`run` goes to the end; who wants to own the loop calls :meth:`begin` and
-    then :meth:`step` until it returns False.
+    (:meth:`cycle`). :meth:`run` goes to the end; who wants to own the loop calls :meth:`begin` and
+    then :meth:`step` until it returns False, or takes :meth:`walk` from cycle to cycle.
 
     Attributes
     ----------
@@ -54,6 +50,7 @@ class Run:
     sample : what the sensors say at the start of the next cycle
     identity : what names the run in every file; begun again, it is the same run
     learned : what was learned before and corrects the path, in words; "" where nothing does
+    steered : a deviation has come from outside, in the controller's place
     """
 
     trace: TraceRecorder
@@ -62,6 +59,7 @@ class Run:
     sample: SensorSample
     checked_poses: Vector
     learned: str = ""
+    steered = False
     compliance: Callable[[Scenario], Controller] = staticmethod(make_compliance)
 
     def __init__(self, scenario: Scenario, cell: RobotCell) -> None:
@@ -82,7 +80,7 @@ class Run:
         """Return what deviates from the nominal path, made anew for each run."""
         return self.compliance(self.scenario)
 
-    def step(self) -> bool:
+    def cycle(self) -> Asking[bool]:
         """Run one command cycle, from :meth:`observe` to :meth:`send`; False: there is none left.
 
         Raises
@@ -91,6 +89,10 @@ class Run:
             What ends a run before its motion does.
         """
         raise NotImplementedError
+
+    def step(self) -> bool:
+        """Run one command cycle as :meth:`cycle` does, by the run's own controller."""
+        return to_the_end(self.cycle())
 
     def begin(self, on_cycle: Callable[[int], None] | None = None) -> None:
         """Start again from the first cycle; ``on_cycle`` is called with the number of cycles done.
@@ -123,27 +125,32 @@ class Run:
         )
         self._sensor_guard = SensorGuard(self.scenario.guard, [SIDES[i] for i in self.sensors.arms])
         self.stopped: set[Side] = set()
+        self.steered = False
         self._on_cycle = on_cycle
         self._q = self._previous = self.cell.home
         self.sample = self.start()
 
     def run(self, on_cycle: Callable[[int], None] | None = None) -> RunRecord:
         """Simulate the motion to its end, whatever ends it."""
+        with warnings_counted_only():
+            return to_the_end(self.walk(on_cycle))
+
+    def walk(self, on_cycle: Callable[[int], None] | None = None) -> Asking[RunRecord]:
+        """Do what :meth:`run` does, and wait in each cycle before the controller is asked."""
         simulation = self.cell.simulation
         outcome: Outcome = "completed"
         reason, ended_by = "", 0
         started = time.perf_counter()
         try:
-            with warnings_counted_only():
-                self.begin(on_cycle)
-                started = time.perf_counter()
-                try:
-                    while self.step():
-                        pass
-                except ProtectiveStop as stop:
-                    outcome, reason = "protective_stop", self._run_on(stop)
-                else:
-                    refuse_warnings(simulation.data)
+            self.begin(on_cycle)
+            started = time.perf_counter()
+            try:
+                while (yield from self.cycle()):
+                    pass
+            except ProtectiveStop as stop:
+                outcome, reason = "protective_stop", (yield from self._run_on(stop))
+            else:
+                refuse_warnings(simulation.data)
         except TaskStopped as stop:
             outcome, reason = "aborted", str(stop)
         except (SimulationFailed, ControllerFailed) as failure:
@@ -155,7 +162,7 @@ class Run:
             reason = f"{reason}, at {simulation.data.time:.3f} s"
         return self.record(outcome, reason, time.perf_counter() - started, ended_by)
 
-    def _run_on(self, stop: ProtectiveStop) -> str:
+    def _run_on(self, stop: ProtectiveStop) -> Asking[str]:
         """Run on as long after a stop as the scenario says; return all that happened, in words."""
         data, guard = self.cell.simulation.data, self.scenario.guard
         told = self._stop(stop)
@@ -167,7 +174,7 @@ class Run:
                     if begun or self.stopped == set(SIDES):
                         self._coast(begun=begun)
                         begun = False
-                    elif not self.step():
+                    elif not (yield from self.cycle()):
                         break
                 except ProtectiveStop as another:
                     told, begun = f"{told}; {self._stop(another)}", True
@@ -210,13 +217,18 @@ class Run:
             scene=Scene(model=self.cell.model, bend_stiffness=simulation.bend_stiffness),
             simulated_s=float(simulation.data.time),
             wall_time_s=wall_time_s,
-            controller="" if self.compliance is make_compliance else _name_of(self.compliance),
+            controller=self._controlled_by(),
             learned=self.learned,
             laid=tuple(self.laid),
             contacts=tuple(simulation.contacts),
             identity=self.identity,
             signal=signal,
         )
+
+    def _controlled_by(self) -> str:
+        if self.steered:
+            return "dualbend.Cell.step"
+        return "" if self.compliance is make_compliance else _name_of(self.compliance)
 
     def observe(self, phase: int, nominal: Vector) -> Observation:
         """Observe, record and check; ``nominal`` is α [rad], half distance and height [m]."""
@@ -262,9 +274,10 @@ class Run:
 
     def control(
         self, seen: Observation, phase: str, nominal: PlanarPose, reading: WrenchReading
-    ) -> tuple[Observed, Command]:
+    ) -> Asking[tuple[Observed, Command]]:
         """Return what the controller observes and the command that it makes of it.
 
+        The time that is waited for an answer from outside counts as none of the cycle's.
         ``nominal``: of both arms (2, 3), each in its own bending frame. Raises ProtectiveStop where
         a sensor is at its range's end, or tells nothing new, for longer than the guard allows.
         """
@@ -278,8 +291,12 @@ class Run:
             measured=PlanarPose(self.cell.measured(seen).take(PLANAR, axis=1)),
             nominal=nominal,
         )
+        asked = time.perf_counter()
+        action = yield observed
+        self._began += time.perf_counter() - asked
+        self.steered |= action is not None
         try:
-            return observed, self.path.command(observed)
+            return observed, self.path.command(observed, action)
         except ControllerFailed as error:
             name, cycle = _name_of(self.compliance), self.trace.rows
             said = shortened(f"controller {name}, cycle {cycle}: {error}")
@@ -325,56 +342,17 @@ class Run:
         return str(spec.to_xml())
 
 
+def to_the_end(asking: Asking[T]) -> T:
+    """Return what remains when nothing is answered from outside."""
+    try:
+        while True:
+            next(asking)
+    except StopIteration as end:
+        value: T = end.value
+        return value
+
+
 def _name_of(made_by: Callable[[Scenario], Controller]) -> str:
     """Return module and name of a class or function, the class's name of anything else."""
     named = made_by if hasattr(made_by, "__qualname__") else type(made_by)
     return f"{named.__module__}.{named.__qualname__}"
-
-
-def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
-    """Return the wrist sensors of the sensing arms, each with a noise stream of its own."""
-    streams = noise_streams(scenario.seed, len(SIDES), scenario.repeat)
-    arms = [i for i, side in enumerate(SIDES) if side in scenario.compliance.sensing]
-    shape = (len(arms),)
-    errors, noise = scenario.imperfections.sensor, [streams[i] for i in arms]
-    named = [(scenario.seed, SIDES[i]) for i in arms]
-    sensor = (
-        Sensor(scenario.sensor, noise, shape)
-        if errors == SensorErrors()
-        else ErringSensor(
-            scenario.sensor,
-            noise,
-            errors,
-            named,
-            shape,
-            period_s=COMMAND_PERIOD_S,
-            repeat=scenario.repeat,
-        )
-    )
-    tools = [
-        errors.believed_tool(seed, side, *tool_mass_and_centre(model, side)) for seed, side in named
-    ]
-    chain = WrenchChain(
-        sensor,
-        ToolGravityCompensation([mass for mass, _ in tools], [centre for _, centre in tools]),
-        LowPass(scenario.filter, period_s=COMMAND_PERIOD_S, shape=shape),
-        np.eye(3),
-    )
-    return WristSensors(chain, arms)
-
-
-def make_link(scenario: Scenario, cell: RobotCell) -> CommandLink | None:
-    """Return the link of both arms' commands; None where it makes no error."""
-    config, joints = scenario.imperfections.link, cell.simulation.joints
-    if not config.errs:
-        return None
-    counts = [sum(name.startswith(side) for name in joints) for side in SIDES]
-    return CommandLink(
-        config,
-        scenario.seed,
-        SIDES,
-        counts,
-        cell.home,
-        period_s=COMMAND_PERIOD_S,
-        repeat=scenario.repeat,
-    )

@@ -13,7 +13,7 @@ from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.cell import RobotCell
 from dualbend.run.known_sheet import make_compliance
-from dualbend.run.loop import Run
+from dualbend.run.loop import Asking, Run
 from dualbend.run.record import task_of
 from dualbend.scenario.motion import NominalMotion
 from dualbend.scenario.scenario import Scenario
@@ -74,7 +74,7 @@ class PlanarRun(Run):
         """Put the cell at rest in its start, the sheet in its zero-moment shape."""
         return self.cell.reset()
 
-    def step(self) -> bool:
+    def cycle(self) -> Asking[bool]:
         """Run one command cycle of the motion; False at its end."""
         n = self.trace.rows
         if n == self.motion.cycles:
@@ -85,7 +85,8 @@ class PlanarRun(Run):
         self.on_observed(n, seen)
         reading = self.read(seen)
         nominal = PlanarPose(np.array([[x, z, alpha]] * len(SIDES)))
-        observed, command = self.control(seen, self.phases[self.motion.phase[n]], nominal, reading)
+        phase = self.phases[self.motion.phase[n]]
+        observed, command = yield from self.control(seen, phase, nominal, reading)
         self.send(grip_targets(command.pose.coordinates), observed, command)
         return True
 

@@ -20,7 +20,7 @@ from dualbend.planning.plan import AssemblyPlan, plan_assembly
 from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.cell import RobotCell
-from dualbend.run.loop import Run
+from dualbend.run.loop import Asking, Run
 from dualbend.run.outcome import TaskStopped
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES
@@ -276,7 +276,7 @@ class AssemblyRun(Run):
         self._task = self.program.begin()
         super().begin(on_cycle)
 
-    def step(self) -> bool:
+    def cycle(self) -> Asking[bool]:
         """Run one command cycle of the program; False at its end."""
         laid, goal = self._task.state.laid, self._task.goal
         if goal is None:
@@ -296,7 +296,7 @@ class AssemblyRun(Run):
         self._note(goal, laid, deviation, net)
         moved = place + self._delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
         nominal = PlanarPose(np.array([[x, rise + up, alpha] for up in goal.levels]))
-        observed, command = self.control(seen, PHASES[goal.phase], nominal, reading)
+        observed, command = yield from self.control(seen, PHASES[goal.phase], nominal, reading)
         self.grippers.drive(goal.posture.opening)
         targets = carried_targets(command.pose.coordinates, moved)
         grip = self.cell.measured(seen)[:, :3] * BENDING_TO_WORLD

@@ -1,0 +1,119 @@
+"""What every environment does: a cell that is stepped, its actions, its ends."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+
+from dualbend.control.controller import Observation
+from dualbend.run.record import RunRecord
+from dualbend.run.stepped import open_cell
+from dualbend.scenario.load import Settings
+from dualbend.types import SIDES, Vector
+
+SENSING = ('compliance.sensing=["left","right"]',)
+"""Settings of an environment that is given none: both arms have a sensor."""
+
+LARGEST_M, LARGEST_RAD = 2e-3, 0.1
+"""Bounds of an action: deviation of a grip along x and z, and in pitch."""
+
+_SEEDS = 2**31
+
+Info = dict[str, Any]
+
+
+class CellEnv(gymnasium.Env[Vector, Vector]):
+    """A scenario's cell as an environment: a step is one command period of 28 ms.
+
+    Actions (6,): deviation of the left arm along x and z [m] and in pitch [rad] from the nominal
+    path, then of the right arm, each in its arm's bending frame, not cumulative. They take the
+    place of the scenario's controller.
+
+    An episode is terminated with its run: ``info`` has its ``outcome``, ``reason`` and ``metrics``
+    then. A run that is not completed costs ``failure_cost``, else its early end would pay. Nothing
+    is truncated. ``reset(seed=...)`` is a run with that seed of noise and imperfections; without
+    one, the seed of the next run is drawn.
+
+    Parameters
+    ----------
+    scenario, settings
+        As :func:`dualbend.load_scenario` takes them. Without settings both arms have a sensor.
+    failure_cost
+        What is taken from the last reward of a run that is not completed.
+    """
+
+    action_space: Box[np.float64]
+    observation_space: Box[np.float64]
+    grip_bounds = (0.1, 0.1, 1.0)
+    """Of what :meth:`grips` returns of each arm [m, m, rad]."""
+
+    metadata = {"render_modes": []}  # noqa: RUF012 - as the base class has it
+
+    def __init__(self, scenario: str, settings: Settings, failure_cost: float) -> None:
+        self.cell = open_cell(scenario, settings)
+        self.failure_cost = failure_cost
+        largest = np.array([LARGEST_M, LARGEST_M, LARGEST_RAD] * len(SIDES))
+        self.action_space = Box(-largest, largest, dtype=np.float64)
+        force_n, torque_nm = self.cell.scenario.sensor.full_scale
+        arm = [force_n, force_n, torque_nm, *self.grip_bounds]
+        low, high = zip(*self.further(), strict=True)
+        self.observation_space = Box(
+            np.array([*(-each for each in (*arm, *arm)), *low]),
+            np.array([*arm, *arm, *high]),
+            dtype=np.float64,
+        )
+
+    @abstractmethod
+    def further(self) -> list[tuple[float, float]]:
+        """Return the bounds of what is observed besides the arms."""
+
+    def grips(self, observation: Observation) -> Vector:
+        """Return what is observed of the grips' poses (2, 3): how far they are off."""
+        off: Vector = observation.measured.coordinates - observation.nominal.coordinates
+        return off
+
+    @abstractmethod
+    def observed(self, observation: Observation) -> list[float]:
+        """Return what is observed besides the arms."""
+
+    @abstractmethod
+    def rewarded(self) -> tuple[float, Info]:
+        """Return reward and info of the cycle that the trace ends with."""
+
+    def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Vector, Info]:
+        """Begin a run; ``options`` says nothing here."""
+        super().reset(seed=seed, options=options)
+        drawn = int(self.np_random.integers(_SEEDS)) if seed is None else seed
+        return self._flat(self.cell.reset(drawn)), {"seed": drawn}
+
+    def step(self, action: Vector) -> tuple[Vector, float, bool, bool, Info]:
+        """Run one command cycle; an action out of its space is brought to the nearest in it."""
+        inside = np.clip(action, self.action_space.low, self.action_space.high)
+        seen = self._flat(self.cell.step(inside.reshape(len(SIDES), 3)))
+        reward, info = self.rewarded()
+        if self.cell.done:
+            record = self.cell.record()
+            info |= _end(record)
+            reward -= self.failure_cost * (record.outcome != "completed")
+        return seen, reward, self.cell.done, False, info
+
+    def close(self) -> None:
+        """End the run."""
+        self.cell.close()
+
+    def _flat(self, observation: Observation) -> Vector:
+        """Return what is observed, within the bounds of its space."""
+        wrench = np.nan_to_num(observation.filtered.planar)
+        arms = np.hstack([wrench, self.grips(observation)]).ravel()
+        flat = np.concatenate([arms, self.observed(observation)])
+        inside: Vector = np.clip(flat, self.observation_space.low, self.observation_space.high)
+        return inside
+
+
+def _end(record: RunRecord) -> Info:
+    metrics = {name: metric.value for name, metric in record.metrics.items()}
+    return {"outcome": record.outcome, "reason": record.reason, "metrics": metrics}
