@@ -60,7 +60,7 @@ def test_friction_that_is_never_met_changes_no_bit_of_a_run() -> None:
 
 @pytest.mark.parametrize("name", ["fig6", "pwb"])
 def test_a_gripper_without_power_drops_the_sheet_and_the_task_ends(name: str) -> None:
-    at_s = {"fig6": 2.0, "pwb": 6.0}[name]
+    at_s = {"fig6": 2.0, "pwb": 18.0}[name]
     failure = f"{KEY}.power_failure={{at_s={at_s},side='left'}}"
     settings = SHORT if name == "fig6" else ()
     result = run(name, *settings, *FRICTION, failure)
