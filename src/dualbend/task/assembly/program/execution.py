@@ -81,11 +81,9 @@ class Execution:
             if not again:
                 state.tried.clear()
         state.row, state.step = state.row - 1 if again else state.row + 1, 0
-        if state.phase < PHASES.index("carry"):
-            state.raise_arms(0.0)
-        elif state.phase == PHASES.index("lower"):
-            # The middle once more: as high as the first time.
-            state.raise_arms(1.0)
+        if state.phase <= PHASES.index("lower"):
+            # The next sheet, or the middle once more.
+            state.height, state.levels = 0.0, (0.0, 0.0)
         if state.phase == 0:
             state.slack = 0.0
 

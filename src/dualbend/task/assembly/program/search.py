@@ -140,7 +140,7 @@ class GoAside(Motion):
 
     def target(self, state: State) -> Posture:
         """Stay as high and as bent as before."""
-        x, y, yaw = (self.next(state.tried) + state.memory.start[:3]).tolist()
+        x, y, yaw = (self.next(state.tried) + state.memory.start).tolist()
         return replace(state.posture, x=x, y=y, yaw=yaw)
 
     def next(self, tried: Sequence[Tried]) -> tuple[float, float, float]:

@@ -24,7 +24,7 @@ class Tried(NamedTuple):
     """Where holes were let down in vain.
 
     ``place``, ``wanted``: x, y [m] and yaw [rad] (3,) where they came to and where they were sent,
-    as far as the robots know, both from where they were to be first. ``height`` [m] of the middle;
+    as far as the robots know, from where they were lowered first. ``height`` [m] of the middle;
     ``moment`` [N m] about the vertical.
     """
 
@@ -95,17 +95,12 @@ class State:
         self.posture = interpolate(self.begin, self.end, self.cycle / self.cycles)
         return True
 
-    def raise_arms(self, share: float) -> None:
-        """Raise the arms by this share of what they had to be raised for the sheets before."""
-        height, left, right = (share * self.memory.start[3:]).tolist()
-        self.height, self.levels = height, (left, right)
+    def sent(self) -> Vector:
+        """Return where the sheet is sent, from where it was lowered first (3,)."""
+        posture = self.posture
+        return np.array([posture.x, posture.y, posture.yaw]) - self.memory.start
 
     # -- what has been sensed -----------------------------------------------------------------
-
-    def sent(self) -> Vector:
-        """Return where the sheet is sent, from where the sheets before had to be held (3,)."""
-        posture = self.posture
-        return np.array([posture.x, posture.y, posture.yaw]) - self.memory.start[:3]
 
     def came(self) -> Vector:
         """Return where the sheet came to, from where it was in the air (3,)."""

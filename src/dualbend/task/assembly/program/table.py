@@ -290,13 +290,12 @@ class AssemblyProgram:
     def _learn(self) -> Sequence[Step]:
         """Learn from the seated sheet; arms that do not comply find nothing with it.
 
-        It differs beyond what the search takes for another place, and another height.
+        It is elsewhere where the search would say so.
         """
         config, search = self.config, self.config.search
         if config.compliance is None or not config.learn:
             return []
-        aside, turned = 0.5 * search.step_m, 0.5 * search.turn_rad
-        return [Learn(near=np.array([aside, aside, turned, _FELT_M, _FELT_M, _FELT_M]))]
+        return [Learn(near=0.5 * np.array([search.step_m, search.step_m, search.turn_rad]))]
 
     def _check_seats(self) -> Sequence[Step]:
         """Move the sheet from pin to pin, along, across and turning about the vertical.
