@@ -144,13 +144,14 @@ def sheet_table(result: RunRecord) -> list[dict[str, Any]]:
     phases, rows = phase_table(result), []
     for sheet in range(1 + max((row["sheet"] for row in phases), default=-1)):
         own = [row for row in phases if row["sheet"] == sheet]
+        forces = [row["peak_pin_force_n"] for row in own]
         lesson = result.lessons[sheet] if sheet < len(result.lessons) else {}
         rows.append(
             {
                 "sheet": sheet,
                 "retries": _retries(own),
                 "time_s": sum(row["time_s"] for row in own),
-                "peak_pin_force_n": max(row["peak_pin_force_n"] for row in own),
+                "peak_pin_force_n": max((f for f in forces if f is not None), default=None),
                 **lesson,
             }
         )
