@@ -164,13 +164,18 @@ def test_sheets_that_do_not_scatter_lie_all_the_same() -> None:
 def test_the_place_at_which_a_sheet_was_held_is_where_its_holes_are_over_their_pins() -> None:
     """Off by 1 mm, 1 mm and 0.5 degrees the second sheet comes down without touching a tip."""
     offsets = ("pickup_x_m=1e-3", "pickup_y_m=1e-3", "pickup_yaw_rad=0.00873")
-    settings = ["task.sheets=2", *(f"task.errors.{offset}" for offset in offsets)]
+    settings = [
+        "task.sheets=2",
+        "imperfections=none",
+        *(f"task.errors.{offset}" for offset in offsets),
+    ]
     result = AssemblyRun(load_scenario("pwb-stack", settings)).run()
     assert result.outcome == "completed"
     first, second = sheet_table(result)
     found = np.array([first[f"found_{name}"] for name in ("x_m", "y_m", "yaw_rad")])
-    # Analytic: held at the inverse of its offset; within what arms stick, and their bases are off.
-    np.testing.assert_allclose(found, [-1e-3, -1e-3, -0.00873], atol=5e-4)
+    # Analytic: held at the inverse of its offset, within the play that the outer pins leave.
+    off = np.abs(found - [-1e-3, -1e-3, -0.00873])
+    assert (off <= [1e-4, 1e-4, 1e-4 / 0.14]).all()
     assert second["start_x_m"] == first["found_x_m"]
     lower = [row["time_s"] for row in phase_table(result) if row["phase"] == "lower"]
     assert lower[1] < 0.6 * lower[0]
