@@ -1,6 +1,7 @@
 """The metrics and tables of an assembly of a few rows that are written down."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from dualbend.task.assembly.metrics import (
     phase_table,
     pin_table,
     seated,
+    sheet_table,
     tables,
 )
 from dualbend.task.assembly.run import TASK_COLUMNS
@@ -223,9 +225,29 @@ def test_a_phase_begins_where_phase_attempt_or_sheet_changes() -> None:
     assert phase_table(run(phase=np.zeros(0))) == []
     assert tables(result) == {
         "phases": rows,
+        "sheets": sheet_table(result),
         "holes": hole_table(result),
         "pins": pin_table(result),
     }
+
+
+def test_a_sheet_has_its_retries_its_time_its_peak_and_what_was_learned() -> None:
+    lower, lift = phase(PWB, "lower", "lift")
+    result = run(
+        STACK,
+        phase=[lift, lower, lower, lift, lower],
+        attempt=[0, 0, 1, 0, 0],
+        sheet=[0, 0, 0, 1, 1],
+        pin_force_outer_left=[1.0, 2.0, 5.0, 3.0, 4.0],
+    )
+    result = replace(result, lessons=({"found_x_m": 1e-3, "learned": True},))
+    # Exact: cycles of 28 ms; the second sheet has not been found seated.
+    first, second = sheet_table(result)
+    assert (first.pop("time_s"), second.pop("time_s")) == pytest.approx((0.084, 0.056))
+    told = {"sheet": 0, "retries": 1, "peak_pin_force_n": 5.0, "found_x_m": 1e-3, "learned": True}
+    assert first == told
+    assert second == {"sheet": 1, "retries": 0, "peak_pin_force_n": 4.0}
+    assert sheet_table(run(phase=np.zeros(0))) == []
 
 
 def test_a_retry_is_a_lowering_after_the_first() -> None:

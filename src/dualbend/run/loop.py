@@ -21,7 +21,7 @@ from dualbend.run.cell import RobotCell, make_link, make_sensors
 from dualbend.run.identity import RunIdentity
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.outcome import TaskStopped
-from dualbend.run.record import RunRecord, Scene, task_of
+from dualbend.run.record import RunRecord, Scene, TableRow, task_of
 from dualbend.run.trace import TraceRecorder
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import Outcome
@@ -220,6 +220,7 @@ class Run:
             controller=self._controlled_by(),
             learned=self.learned,
             laid=tuple(self.laid),
+            lessons=self.lessons,
             contacts=tuple(simulation.contacts),
             identity=self.identity,
             signal=signal,
@@ -229,6 +230,11 @@ class Run:
         if self.steered:
             return "dualbend.Cell.step"
         return "" if self.compliance is make_compliance else _name_of(self.compliance)
+
+    @property
+    def lessons(self) -> tuple[TableRow, ...]:
+        """What was found with each sheet of an assembly, a row each."""
+        return ()
 
     def observe(self, phase: int, nominal: Vector) -> Observation:
         """Observe, record and check; ``nominal`` is α [rad], half distance and height [m]."""

@@ -119,6 +119,7 @@ class RunRecord:
     controller : name of the compliance that took the place of the scenario's own, if one did
     learned : what was learned on earlier sheets and corrects the path, in words
     laid : of each sheet of an assembly, (4, 3) as its holes lie over their pins [m]
+    lessons : of each sheet of an assembly, what it was begun with and what was found, a row each
     contacts : those that the task does not intend, of a run in memory
     scene : model and stiffness, of a run in memory
     folder : from which the run was read back
@@ -136,6 +137,7 @@ class RunRecord:
     simulated_s: float
     wall_time_s: float
     laid: tuple[Vector, ...] = ()
+    lessons: tuple[TableRow, ...] = ()
     contacts: tuple[Contact, ...] = ()
     scene: Scene | None = None
     folder: Path | None = None

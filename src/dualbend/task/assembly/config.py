@@ -89,6 +89,12 @@ class ErrorsConfig(Config):
     pickup_yaw_rad: Annotated[
         float, said("how far the sheet lies turned about the vertical", ge=-3.15, le=3.15)
     ] = 0.0
+    scatter_m: Annotated[
+        float, said("standard deviation of each sheet's place along x and y besides", ge=0, le=0.1)
+    ] = 0.0
+    scatter_rad: Annotated[
+        float, said("standard deviation of each sheet's turn besides", ge=0, le=1)
+    ] = 0.0
     thickness_factor: Annotated[
         float, said("true thickness over the believed one", gt=0, le=10)
     ] = 1.0
@@ -152,6 +158,7 @@ class AssemblyConfig(TaskConfig, tag="assembly"):
         float,
         said("by which pins are felt before a sheet is let go; 0: not", ge=0, le=100),
     ] = 5.0
+    learn: Annotated[bool, said("begin a sheet with what was found with those before")] = True
     timeout_s: Annotated[float, said("to wait for a phase's end", gt=0, le=600)] = 10.0
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES, hole_places
-from dualbend.task.assembly.config import ErrorsConfig, assembly_of
+from dualbend.task.assembly.config import assembly_of
 
 
 def draw(scenario: Scenario, seed: int, index: int) -> Scenario:
@@ -30,7 +30,8 @@ def draw(scenario: Scenario, seed: int, index: int) -> Scenario:
     # All of them, always: a width that is changed leaves the other draws as they are.
     x, y, yaw, thickness, modulus, friction = rng.standard_normal(6).tolist()
     off = spread.hole_m * rng.standard_normal((len(HOLES), 2)) + np.array(holes.errors_m)
-    drawn = ErrorsConfig(
+    drawn = msgspec.structs.replace(
+        errors,
         pickup_x_m=errors.pickup_x_m + spread.pickup_x_m * x,
         pickup_y_m=errors.pickup_y_m + spread.pickup_y_m * y,
         pickup_yaw_rad=errors.pickup_yaw_rad + spread.pickup_yaw_rad * yaw,

@@ -136,6 +136,32 @@ def phase_table(result: RunRecord) -> list[dict[str, Any]]:
     ]
 
 
+def sheet_table(result: RunRecord) -> list[dict[str, Any]]:
+    """Return each sheet's retries, time and peak pin force [N], and what was learned with it.
+
+    The latter only of sheets that were found seated, where the robots learn.
+    """
+    phases, rows = phase_table(result), []
+    for sheet in range(1 + max((row["sheet"] for row in phases), default=-1)):
+        own = [row for row in phases if row["sheet"] == sheet]
+        forces = [row["peak_pin_force_n"] for row in own]
+        lesson = result.lessons[sheet] if sheet < len(result.lessons) else {}
+        rows.append(
+            {
+                "sheet": sheet,
+                "retries": _retries(own),
+                "time_s": sum(row["time_s"] for row in own),
+                "peak_pin_force_n": max((f for f in forces if f is not None), default=None),
+                **lesson,
+            }
+        )
+    return rows
+
+
+def _retries(phases: list[dict[str, Any]]) -> int:
+    return sum(row["attempt"] > 0 for row in phases if "lower" in row["phase"])
+
+
 def hole_table(result: RunRecord) -> list[dict[str, Any]]:
     """Return each hole's final offset from its pin's axis, height above its rest, and verdict."""
     verdict = seated(result)
@@ -193,7 +219,6 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
         sheet = result.scenario.sheet.sheet()
         plan = plan_assembly(sheet, config.layout.holes, config.layout.pins)
         spacing -= plan.spacing_m(result.scenario.path.end_rad)
-    retries = [p["attempt"] > 0 for p in phase_table(result) if "lower" in p["phase"]]
 
     def largest(name: str, unit: str) -> Metric:
         return Metric(peak(signals[name]), unit)
@@ -212,11 +237,16 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
         "peak_surface_strain": largest("peak_surface_strain", "1"),
         "yield_strain": Metric(result.scenario.limit_strain, "1"),
         "middle_spacing_error": Metric(spacing, "m"),
-        "retries": Metric(float(sum(retries)), "1"),
+        "retries": Metric(float(_retries(phase_table(result))), "1"),
         **{k: v for k, v in common_metrics(result).items() if k != "ik_rotation_residual_max"},
     }
 
 
 def tables(result: RunRecord) -> dict[str, list[dict[str, Any]]]:
-    """Return the tables of phases, holes and pins."""
-    return {"phases": phase_table(result), "holes": hole_table(result), "pins": pin_table(result)}
+    """Return the tables of phases, sheets, holes and pins."""
+    return {
+        "phases": phase_table(result),
+        "sheets": sheet_table(result),
+        "holes": hole_table(result),
+        "pins": pin_table(result),
+    }

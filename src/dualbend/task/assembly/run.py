@@ -16,12 +16,14 @@ from dualbend.control.compliance.object import ObjectAdmittance, net_wrench
 from dualbend.control.delay import TransportDelay
 from dualbend.errors import InputError
 from dualbend.imperfection.config import ImperfectionsConfig
+from dualbend.imperfection.draws import stream
 from dualbend.planning.plan import AssemblyPlan, plan_assembly
 from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.cell import RobotCell
 from dualbend.run.loop import Asking, Run
 from dualbend.run.outcome import TaskStopped
+from dualbend.run.record import TableRow
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.scene.bed.pin_contacts import PinContacts
@@ -214,6 +216,11 @@ class AssemblyRun(Run):
         """Number of command cycles, at most."""
         return cycles(self.scenario)
 
+    @property
+    def lessons(self) -> tuple[TableRow, ...]:
+        """What was found with each sheet so far."""
+        return tuple(lesson.row() for lesson in self._task.state.memory.lessons)
+
     def on_step(self) -> None:
         """Follow pins and jaws after every physics step."""
         self.pins.on_step()
@@ -223,6 +230,7 @@ class AssemblyRun(Run):
         """Put the arms beside the stand, jaws open, and a sheet upon it."""
         cell, opening = self.cell, self.config.jaw_opening_m
         cell.rest()
+        self.laid = []
         flat = np.zeros(self.scenario.sheet.model.sections + 1)
         simulation = cell.simulation
         sample = simulation.reset(
@@ -230,14 +238,18 @@ class AssemblyRun(Run):
         )
         self.grippers.reset(opening)
         self.pins.peaks()
-        self.laid = []
         return sample
 
     def _on_the_stand(self) -> tuple[Vector, float]:
+        """Return where the next sheet lies; its scatter is of a stream of its own."""
         stand, errors = self.config.layout.stand, self.config.errors
         height = stand.top_m + 0.5 * self.cell.sheet.thickness_m
-        place = np.array([errors.pickup_x_m, stand.y_m + errors.pickup_y_m, height])
-        return place, errors.pickup_yaw_rad
+        drawn = stream(self.scenario.seed, "stand", len(self.laid), repeat=self.scenario.repeat)
+        x, y, yaw = drawn.standard_normal(3).tolist()
+        x = errors.pickup_x_m + errors.scatter_m * x
+        y = errors.pickup_y_m + errors.scatter_m * y
+        place = np.array([x, stand.y_m + y, height])
+        return place, errors.pickup_yaw_rad + errors.scatter_rad * yaw
 
     def _supply(self) -> None:
         """Leave the laid sheet where it is and put the next one on the stand."""

@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-
 from dualbend.task.assembly.program.held import PRESS_RATE_PER_S
 from dualbend.task.assembly.program.motions import Posture
 from dualbend.task.assembly.program.state import MEAN_CYCLES, SUPPORT_CYCLES, State, Tried
@@ -58,14 +56,12 @@ class HolePair:
         if support < self.missed_n and short <= self.short:
             return False
         if state.attempt + 1 < self.attempts:
-            assert state.free is not None
-            seen, goal = state.mean(), state.posture
             state.tried.append(
                 Tried(
-                    place=seen.place - state.free.place,
-                    wanted=np.array([goal.x, goal.y, goal.yaw]),
+                    place=state.came(),
+                    wanted=state.sent(),
                     height=self.value(state) + self.yields(support),
-                    moment=float(state.contact_wrench(seen.net)[2]),
+                    moment=float(state.contact_wrench(state.mean().net)[2]),
                 )
             )
             return True
@@ -144,7 +140,7 @@ class GoAside(Motion):
 
     def target(self, state: State) -> Posture:
         """Stay as high and as bent as before."""
-        x, y, yaw = self.next(state.tried)
+        x, y, yaw = (self.next(state.tried) + state.memory.start).tolist()
         return replace(state.posture, x=x, y=y, yaw=yaw)
 
     def next(self, tried: Sequence[Tried]) -> tuple[float, float, float]:

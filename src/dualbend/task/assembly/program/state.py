@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dualbend.run.outcome import TaskStopped
+from dualbend.task.assembly.program.memory import Memory
 from dualbend.task.assembly.program.motions import PHASES, Posture, Sensed, interpolate
 from dualbend.types import Vector
 
@@ -23,7 +24,8 @@ class Tried(NamedTuple):
     """Where holes were let down in vain.
 
     ``place``, ``wanted``: x, y [m] and yaw [rad] (3,) where they came to and where they were sent,
-    as far as the robots know. ``height`` [m] of the middle; ``moment`` [N m] about the vertical.
+    as far as the robots know, from where they were lowered first. ``height`` [m] of the middle;
+    ``moment`` [N m] about the vertical.
     """
 
     place: Vector
@@ -45,7 +47,7 @@ class State:
     they stand too low; ``slack`` [m]: by how much farther out each is, since the flat sheet was
     pushed; ``levels`` (2,) [m]: by how much each is higher, since its end was held up.
     ``touch_from``: place from which the sheet is moved towards a pin. ``tried``: places at which
-    the present pair of holes did not find its pins.
+    the present pair of holes did not find its pins. ``memory`` of the sheets before.
     """
 
     posture: Posture
@@ -69,6 +71,7 @@ class State:
     slack: float = 0.0
     levels: tuple[float, float] = (0.0, 0.0)
     touch_from: Vector | None = None
+    memory: Memory = field(default_factory=Memory)
 
     @property
     def phase(self) -> int:
@@ -92,7 +95,17 @@ class State:
         self.posture = interpolate(self.begin, self.end, self.cycle / self.cycles)
         return True
 
+    def sent(self) -> Vector:
+        """Return where the sheet is sent, from where it was lowered first (3,)."""
+        posture = self.posture
+        return np.array([posture.x, posture.y, posture.yaw]) - self.memory.start
+
     # -- what has been sensed -----------------------------------------------------------------
+
+    def came(self) -> Vector:
+        """Return where the sheet came to, from where it was in the air (3,)."""
+        assert self.free is not None
+        return self.mean().place - self.free.place
 
     def mean(self, cycles: int = MEAN_CYCLES) -> Sensed:
         """Return the mean of the last measurements, and the largest error of the grips."""

@@ -19,6 +19,7 @@ from dualbend.scene.cell import GraspConfig
 from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.program.execution import Execution, Phase
 from dualbend.task.assembly.program.held import Level, Press, Slack, Slacken
+from dualbend.task.assembly.program.learning import Carry, Learn
 from dualbend.task.assembly.program.middle import BentMiddle, Yields, rigid
 from dualbend.task.assembly.program.motions import CHECK, Pace, Posture
 from dualbend.task.assembly.program.search import GoAside, HolePair, MoveDown, Turn
@@ -192,14 +193,14 @@ class AssemblyProgram:
                 [move(z=start.z + config.lift_m), settle(), *aloft, weighed, *flat],
                 slack=slack,
             ),
-            Phase("carry", [move(y=0.0, z=over), settle()], slack=slack),
+            Phase("carry", [Carry(pace=self.pace, z=over), settle()], slack=slack),
             Phase("bend", [move(pace=slow, alpha=self.bend_rad), settle(), Measure("free")]),
             Phase("lower", self._lower(layer, middle, settle())),
             Phase("seat middle", [settle(alpha_ratio=1.0), *self._press(middle)], middle),
             Phase("unfold", [touch, settle(alpha_ratio=1.0), Measure("seated")]),
             Phase("lower outer", self._lower_outer(layer, touch, outer), slack=slack),
             Phase("seat outer", [settle(alpha_ratio=0.0), *self._level(outer)], outer, slack),
-            Phase(CHECK, [*self._check_seats(), *slacken], slack=slack),
+            Phase(CHECK, [*self._check_seats(), *slacken, *self._learn()], slack=slack),
             Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
         ]
@@ -290,6 +291,16 @@ class AssemblyProgram:
             flat_rad=2.0 * math.sqrt(_ARMS_OFF_M / sheet.length_m),
             period_s=self.pace.period_s,
         )
+
+    def _learn(self) -> Sequence[Step]:
+        """Learn from the seated sheet; arms that do not comply find nothing with it.
+
+        It is elsewhere where the search would say so.
+        """
+        config, search = self.config, self.config.search
+        if config.compliance is None or not config.learn:
+            return []
+        return [Learn(near=0.5 * np.array([search.step_m, search.step_m, search.turn_rad]))]
 
     def _check_seats(self) -> Sequence[Step]:
         """Move the sheet from pin to pin, along, across and turning about the vertical.
