@@ -61,5 +61,6 @@ def _plot_numbers(axes: Axes, sheets: Sequence[Sheet]) -> None:
             axes.axvline(sheet.sheet, color="tab:red", linestyle="dotted", linewidth=1.0)
     axes.set_xlim(0.5, len(sheets) + 0.5)
     axes.set_xlabel("sheet (dotted: nothing learned)")
+    axes.xaxis.set_major_locator(mpl.ticker.MaxNLocator(integer=True))
     axes.grid(color="0.93")
     axes.legend(frameon=False, fontsize="small", ncols=2)
