@@ -15,14 +15,7 @@ from dualbend.imperfection.draws import stream
 from dualbend.run.disk.output import model_hash
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario, parse_scenario
-
-SHORT = (
-    "path.end_rad=0.3",
-    "motion.speed_rad_per_s=1.0",
-    "motion.settle_s=0.2",
-    "motion.hold_s=0.1",
-    "sheet.model.hinges=10",
-)
+from support.short_bend import SHORT
 
 
 def numbers_of(preset: str, *settings: str) -> dict[str, Any]:

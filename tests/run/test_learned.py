@@ -17,14 +17,7 @@ from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.motion import nominal_motion
 from dualbend.scenario.scenario import Scenario
-
-SHORT = (
-    "path.end_rad=0.3",
-    "motion.speed_rad_per_s=1.0",
-    "motion.settle_s=0.2",
-    "motion.hold_s=0.1",
-    "sheet.model.hinges=10",
-)
+from support.short_bend import SHORT
 
 
 def scenario(*settings: str) -> Scenario:

@@ -77,7 +77,7 @@ class Run:
         raise NotImplementedError
 
     def controller(self) -> Controller:
-        """Return what deviates from the nominal path, made anew for each run."""
+        """Return what deviates from the nominal path; each run has its own."""
         return self.compliance(self.scenario)
 
     def cycle(self) -> Asking[bool]:

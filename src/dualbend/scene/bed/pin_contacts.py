@@ -101,7 +101,7 @@ class PinContacts:
         lasting = np.where(np.isinf(self._least), 0.0, self._least)
         self._height = self._data.site_xpos[self._sites, 2]
         above = self._height - self._tips_m
-        away = np.abs(self._data.site_xpos[self._sites, :2] - self._pins[:, :2]).max()
+        away = np.abs(self.offsets()[:, :2]).max()
         # A pin far from its hole meets the bent sheet higher or lower than the hole is.
         self._tilts_m = _NEAR_M + min(_SLOPE * max(away - _FAR_M, 0.0), _MOST_M)
         near = (above > self._struck_m - self._tilts_m) & (above < _FALLS_FROM_M + self._tilts_m)

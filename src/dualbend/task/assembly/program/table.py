@@ -156,11 +156,6 @@ class AssemblyProgram:
         """Return the phases that lay a sheet on this many others."""
         config, start, move, wait = self.config, self.start, self._move, self._wait
         t, weight = self.sheet.thickness_m, self.sheet.mass_kg * GRAVITY_M_PER_S2
-        EI = self.sheet.bending_stiffness_nm2
-        weighed = CheckWeight(weight, self.least_force_n)
-        clamped, least = weight * self.sheet.length_m / 12.0, self.least_moment_nm
-        # Under tension, which arms that do not comply cannot take off, every sheet turns its grips.
-        flat = [CheckFlat(EI, clamped, max(_BENT_PER_M * EI, least))] if self._slack() else []
         over = self._seat_z(layer) + config.lift_m
         come = [move(z=over), move(x=0.0, y=start.y, yaw=0.0), move(z=start.z)] if layer else []
         if self.rehearse and not layer:
@@ -180,6 +175,11 @@ class AssemblyProgram:
         opened = wait(quantity=State.jaw_gap, above=1.6 * start.opening, otherwise=gap)
         middle, outer = self._middle_holes(layer), self._outer_holes()
         touch, slack = self._unfold_to_touch(layer), self._slack()
+        EI = self.sheet.bending_stiffness_nm2
+        weighed = CheckWeight(weight, self.least_force_n)
+        clamped, least = weight * self.sheet.length_m / 12.0, self.least_moment_nm
+        # Under tension, which arms that do not comply cannot take off, every sheet turns its grips.
+        flat = [CheckFlat(EI, clamped, max(_BENT_PER_M * EI, least))] if slack else []
         # In the air nothing else holds the sheet, on the pins they do.
         aloft, slacken = (
             [Slacken(slack=slack, timeout_s=config.timeout_s, alpha_ratio=ratio)] if slack else []
