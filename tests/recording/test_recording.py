@@ -17,7 +17,8 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dualbend.recording.log import FRAME_CYCLES
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.recording.log import frame_cycles
 from dualbend.recording.notes import Notes, notes_of
 from dualbend.recording.scales import LONGEST_ARROW_M, Scales, diverging_colours
 from dualbend.recording.scene import CLEAR_OF_JAWS_M
@@ -152,7 +153,7 @@ def test_series_have_every_cycle_and_the_scene_every_third(
     recorded: Recorded, result: RunRecord
 ) -> None:
     cycles = np.arange(result.trace.rows)
-    frames = np.unique(np.append(cycles[::FRAME_CYCLES], cycles[-1]))
+    frames = np.unique(np.append(cycles[:: frame_cycles(COMMAND_PERIOD_S)], cycles[-1]))
     for entity in recorded.times_ns.keys() - {"/phase"}:
         rows = recorded.rows(entity)
         if entity.startswith("/cell/"):
@@ -172,7 +173,9 @@ def test_series_have_every_cycle_and_the_scene_every_third(
 
 def test_a_frame_that_shows_nothing_new_is_left_out(recorded: Recorded, result: RunRecord) -> None:
     command = [result.trace[f"left_command_{axis}"] for axis in ("x", "z", "alpha")]
-    frames = np.unique(np.append(np.arange(result.trace.rows)[::FRAME_CYCLES], -1))
+    frames = np.unique(
+        np.append(np.arange(result.trace.rows)[:: frame_cycles(COMMAND_PERIOD_S)], -1)
+    )
     frames[frames < 0] = result.trace.rows - 1
     frames = np.unique(frames)
     shown = recorded.rows("/cell/grip/left_commanded")

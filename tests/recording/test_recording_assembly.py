@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_recording import ROUNDING_M, Recorded, rrd
 
-from dualbend.recording.log import FRAME_CYCLES
+from dualbend.control.clock import COMMAND_PERIOD_S
+from dualbend.recording.log import frame_cycles
 from dualbend.recording.write import write_recording
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
@@ -102,7 +103,7 @@ def test_a_tapered_pin_is_drawn_as_high_as_it_is(tmp_path: Path) -> None:
 
 def test_holes_are_where_the_sheets_holes_are(recorded: Recorded, result: RunRecord) -> None:
     layout = result.scenario.task.layout
-    shown = range(0, len(STAGES), FRAME_CYCLES)
+    shown = range(0, len(STAGES), frame_cycles(COMMAND_PERIOD_S))
     flat = [row for row in shown if not result.trace.bends[row].any()]
     assert flat
     turn = Rotation.from_euler("z", LAID_YAW_RAD)
@@ -170,7 +171,11 @@ def test_commanded_grips_are_carried_as_the_ik_carries_them(
 ) -> None:
     trace = result.trace
     sent = carried(trace, places(trace), result.scenario.robot.alter.delay_cycles)
-    for row in (0, 2 * FRAME_CYCLES, (len(STAGES) - 2) // FRAME_CYCLES * FRAME_CYCLES):
+    for row in (
+        0,
+        2 * frame_cycles(COMMAND_PERIOD_S),
+        (len(STAGES) - 2) // frame_cycles(COMMAND_PERIOD_S) * frame_cycles(COMMAND_PERIOD_S),
+    ):
         pose = np.array(
             [
                 [trace[f"{s}_command_{a}"][row] for a in ("x", "z", "alpha")]

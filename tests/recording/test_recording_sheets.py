@@ -42,7 +42,7 @@ def read(path: Path) -> dict[str, tuple[str, Vector, Vector]]:
 @pytest.mark.parametrize("count", [1, 3])
 def test_every_sheet_has_its_moment_and_both_corrections(count: int, tmp_path: Path) -> None:
     path = tmp_path / "sheets.rrd"
-    write_sheets_recording(sheets(count), "learned", path)
+    write_sheets_recording(sheets(count), "learned", path, COMMAND_PERIOD_S)
     found = read(path)
     assert len(found) == 3 * count
     for i, sheet in enumerate(sheets(count)):
@@ -59,4 +59,6 @@ def test_every_sheet_has_its_moment_and_both_corrections(count: int, tmp_path: P
 
 def test_a_folder_that_is_none_is_no_place_for_it(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="none"):
-        write_sheets_recording(sheets(1), "learned", tmp_path / "none" / "sheets.rrd")
+        write_sheets_recording(
+            sheets(1), "learned", tmp_path / "none" / "sheets.rrd", COMMAND_PERIOD_S
+        )

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError
 from dualbend.recording import offscreen
 from dualbend.recording.render import (
@@ -81,7 +82,7 @@ def bending() -> Run:
 @pytest.mark.parametrize(("fps", "speed"), [(10.0, 4.0), (25.0, 1.0), (50.0, 0.5), (3.0, 7.0)])
 @pytest.mark.parametrize("rows", [1, 2, 97, 1392])
 def test_a_video_is_as_long_as_the_run_over_its_speed(rows: int, fps: float, speed: float) -> None:
-    shown = frame_rows(rows, Look(fps=fps, speed=speed))
+    shown = frame_rows(rows, Look(fps=fps, speed=speed), COMMAND_PERIOD_S)
     assert shown[0] == 0
     assert shown[-1] == rows - 1  # the outcome is seen
     assert (np.diff(shown) >= 0).all()
@@ -189,7 +190,7 @@ def test_looks_are_not_simulated() -> None:
 def test_the_video_has_all_frames_at_their_pace(drawn: Path) -> None:
     _, result = make_book()
     look = Look(width_px=160, speed=10.0)
-    shown = frame_rows(result.trace.rows, look)
+    shown = frame_rows(result.trace.rows, look, result.scenario.period_s)
     with Image.open(drawn / "run.gif") as video:
         assert video.size == (160, 90)
         assert video.n_frames == len(shown)

@@ -25,7 +25,7 @@ def scenario(*settings: str) -> Scenario:
 
 
 def file_of(of: Scenario, turn_rad: float = 0.01) -> LearnedFile:
-    cycles = nominal_motion(of.path, of.motion, of.sheet.length_m).cycles
+    cycles = nominal_motion(of.path, of.motion, of.sheet.length_m, of.period_s).cycles
     ramp = np.linspace(0.0, turn_rad, cycles)
     return LearnedFile(
         scenario=of.name,

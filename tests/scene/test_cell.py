@@ -55,12 +55,24 @@ class Cell:
             self.sheet,
             self.strips,
             self.servo,
-            scenario.physics.step_s,
+            scenario.step_s,
         )
         self.model = self.spec.compile()
 
-    def simulation(self, latency_steps: int = 0) -> Simulation:
-        simulation = Simulation(self.model, self.grasp, self.strips, latency_steps=latency_steps)
+    def simulation(
+        self,
+        latency_steps: int = 0,
+        sampling_steps: int | None = None,
+        period_s: float = COMMAND_PERIOD_S,
+    ) -> Simulation:
+        simulation = Simulation(
+            self.model,
+            self.grasp,
+            self.strips,
+            latency_steps=latency_steps,
+            sampling_steps=sampling_steps,
+            period_s=period_s,
+        )
         arcs = np.linspace(0.0, self.sheet.length_m, self.strips.hinges + 1)
         slopes = elastica.shape(self.alpha, self.sheet.length_m, arcs)[2]
         opening, middle = self.sheet.thickness_m / 2, np.array([0.0, 0.0, self.height])
@@ -169,7 +181,7 @@ def test_every_number_of_the_pads_arrived(bent: Cell) -> None:
 
 def test_every_number_of_sheet_and_step_arrived(bent: Cell) -> None:
     model = bent.model
-    assert model.opt.timestep == SCENARIO.physics.step_s
+    assert model.opt.timestep == SCENARIO.step_s
     assert -model.opt.gravity[2] == 9.81
     h = SHEET.length_m / STRIPS.hinges
     beta = damping_time(SHEET, STRIPS.damping_ratio)
@@ -477,6 +489,33 @@ def test_a_latency_of_a_whole_cycle_is_the_sample_of_the_cycle_before(bent: Cell
         if previous is not None:
             np.testing.assert_array_equal(old.wrench, previous.wrench)
         previous = new
+
+
+@pytest.mark.parametrize("latency_steps", [1, 9, 40])
+@pytest.mark.parametrize(("sampling_steps", "period_steps"), [(3, 16), (16, 16), (40, 16), (7, 2)])
+def test_a_sensor_by_its_own_clock_tells_its_newest_sample_that_is_old_enough(
+    bent: Cell, latency_steps: int, sampling_steps: int, period_steps: int
+) -> None:
+    """Against a simulation with one command per physics step, whose samples are one step old."""
+    step_s = bent.model.opt.timestep
+    every = bent.simulation(1, period_s=step_s)
+    own = bent.simulation(latency_steps, sampling_steps, period_s=period_steps * step_s)
+    rng = np.random.default_rng(5)
+    samples = [own.reset(own.data.qpos.copy()).wrench]
+    told = (1 - latency_steps) // sampling_steps * sampling_steps
+    for cycle in range(1, 1 + 90 // period_steps):
+        rows = bent.home + 1e-4 * rng.standard_normal((period_steps, 12))
+        for row in rows:
+            every.observe()
+            every.fed_forward = own.fed_forward = lambda q, _: np.zeros_like(q)
+            samples.append(every.advance(row[np.newaxis]).wrench)
+        own.observe()
+        sample = own.advance(rows)
+        newest = (cycle * period_steps - latency_steps + 1) // sampling_steps * sampling_steps
+        # Bit for bit; before the start the cell was at rest as it is at the start.
+        np.testing.assert_array_equal(sample.wrench, samples[max(newest, 0)])
+        assert sample.new == (newest != told)
+        told = newest
 
 
 # --- the model as a file ------------------------------------------------------------------------

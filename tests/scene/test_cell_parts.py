@@ -35,7 +35,7 @@ def compose(*, layout: bool = False) -> mujoco.MjSpec:
         scenario.sheet.sheet(),
         StripConfig(hinges=20 if layout else 4),
         servo,
-        scenario.physics.step_s,
+        scenario.step_s,
         assembly_of(scenario).layout if layout else None,
         looks=False,
     )

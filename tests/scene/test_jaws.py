@@ -27,7 +27,7 @@ def assembling() -> mujoco.MjModel:
         scenario.sheet.sheet(),
         StripConfig(),
         servo,
-        scenario.physics.step_s,
+        scenario.step_s,
         assembly_of(scenario).layout,
         looks=False,
     ).compile()

@@ -22,7 +22,7 @@ from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
 from dualbend.stability.margins import (
-    Z_INVERSE,
+    frequency_grid,
     hunting_amplitude,
     jitter_cycles,
     late_cycles,
@@ -245,12 +245,14 @@ def test_stiffness_of_the_wrong_sign_diverges_without_oscillation() -> None:
 
 
 def test_modes_in_time() -> None:
-    mode = describe_mode(np.exp(complex(-2.0, 2.0 * math.pi * 3.0) * COMMAND_PERIOD_S))
+    mode = describe_mode(
+        np.exp(complex(-2.0, 2.0 * math.pi * 3.0) * COMMAND_PERIOD_S), COMMAND_PERIOD_S
+    )
     # Analytic.
     assert mode.growth_per_s == pytest.approx(-2.0)
     assert mode.frequency_hz == pytest.approx(3.0)
     assert mode.damping_ratio == pytest.approx(2.0 / math.hypot(2.0, 6.0 * math.pi))
-    assert describe_mode(0.0).growth_per_s == -math.inf
+    assert describe_mode(0.0, COMMAND_PERIOD_S).growth_per_s == -math.inf
 
 
 @pytest.mark.parametrize(("latency_ms", "age"), [(0.0, 1), (9.9, 6), (28.0, 16), (60.0, 34)])
@@ -277,7 +279,7 @@ def test_bad_input_is_refused() -> None:
 
 
 def test_of_an_integrator_the_jitter_that_it_bears_is_known() -> None:
-    z_inverse = Z_INVERSE[1:]
+    z_inverse = frequency_grid(COMMAND_PERIOD_S)[1][1:]
     for gain in (0.1, 0.5, 1.2):
         loop = (gain * z_inverse / (1.0 - z_inverse))[:, np.newaxis, np.newaxis]
         # Analytic: (1 − z⁻¹) T = g z⁻¹ (1 − z⁻¹)/(1 − (1 − g) z⁻¹), largest at z = −1.

@@ -66,7 +66,9 @@ def test_a_step_changes_the_static_compliance_or_the_lag_and_not_the_other(form:
     config = gains(STRIP8, f"compliance.x.form={form}")
     before = config.x
     assert before is not None
-    softer, slower = (turned(config, Knob("x", key), 2.0) for key in ("compliance", "lag"))
+    softer, slower = (
+        turned(config, Knob("x", key), 2.0, COMMAND_PERIOD_S) for key in ("compliance", "lag")
+    )
     assert softer is not None
     assert softer.x is not None
     assert slower is not None
@@ -84,7 +86,7 @@ def test_the_gain_margin_falls_by_the_decibels_that_the_compliance_rises() -> No
     at = places(scenario)
     config = scenario.compliance
     assert isinstance(config, AdmittanceConfig)
-    softer = turned(config, Knob("x", "compliance"), 2.0)
+    softer = turned(config, Knob("x", "compliance"), 2.0, COMMAND_PERIOD_S)
     assert softer is not None
     before, after = (
         min_margin(with_compliance(scenario, each), at).gain_db for each in (config, softer)
@@ -97,8 +99,8 @@ def test_a_lag_much_shorter_than_a_cycle_is_taken_for_the_shortest_that_makes_a_
 ):
     """fig8's rotation has b/k = 50 µs: the pole is e^(−560), and twice that is no other filter."""
     config = gains(STRIP8)
-    assert turned(config, Knob("rotation", "lag"), 0.5) is None
-    slower = turned(config, Knob("rotation", "lag"), 4.0)
+    assert turned(config, Knob("rotation", "lag"), 0.5, COMMAND_PERIOD_S) is None
+    slower = turned(config, Knob("rotation", "lag"), 4.0, COMMAND_PERIOD_S)
     assert slower is not None
     assert slower.rotation is not None
     lag_s = slower.rotation.b / slower.rotation.k

@@ -41,7 +41,7 @@ def wave(growth_per_s: float, frequency_hz: float = 2.3, size: float = 1e-3) -> 
 
 @pytest.mark.parametrize("growth", [-0.8, -0.1, 0.1, 0.6])
 def test_a_growing_wave_grows_at_its_rate_and_frequency(growth: float) -> None:
-    found = evaluate(wave(growth), 200, LIMIT)
+    found = evaluate(wave(growth), 200, LIMIT, COMMAND_PERIOD_S)
     assert found.grows == (growth > 0.0)
     # Discretisation-limited: a window does not hold a whole number of periods.
     assert found.growth_per_s == pytest.approx(growth, abs=0.05)
@@ -49,15 +49,17 @@ def test_a_growing_wave_grows_at_its_rate_and_frequency(growth: float) -> None:
 
 
 def test_what_is_held_by_the_bound_or_ended_early_oscillates() -> None:
-    assert evaluate(np.clip(wave(2.0, size=0.05), -LIMIT, LIMIT), 200, LIMIT).grows
-    cut = evaluate(wave(-1.0)[:120], 200, LIMIT)
+    assert evaluate(
+        np.clip(wave(2.0, size=0.05), -LIMIT, LIMIT), 200, LIMIT, COMMAND_PERIOD_S
+    ).grows
+    cut = evaluate(wave(-1.0)[:120], 200, LIMIT, COMMAND_PERIOD_S)
     assert cut.grows
     assert math.isinf(cut.final)
 
 
 def test_a_remainder_does_not_flatten_the_rate_that_is_told() -> None:
     left = 3e-5 * np.sin(2 * math.pi * 4.0 * COMMAND_PERIOD_S * np.arange(200))
-    found = evaluate(wave(-1.5) + left, 200, LIMIT)
+    found = evaluate(wave(-1.5) + left, 200, LIMIT, COMMAND_PERIOD_S)
     assert not found.grows
     # The remainder is a third of the wave where the rate is last looked at: its square counts.
     assert found.growth_per_s == pytest.approx(-1.5, rel=0.1)
@@ -67,9 +69,9 @@ def test_a_remainder_does_not_flatten_the_rate_that_is_told() -> None:
 def test_frequency_lies_between_the_lines_of_the_spectrum() -> None:
     times = COMMAND_PERIOD_S * np.arange(110)
     # Discretisation-limited: a parabola through a padded line.
-    assert dominant_frequency(3.0 + np.sin(2 * math.pi * 5.613 * times)) == pytest.approx(
-        5.613, rel=2e-3
-    )
+    assert dominant_frequency(
+        3.0 + np.sin(2 * math.pi * 5.613 * times), COMMAND_PERIOD_S
+    ) == pytest.approx(5.613, rel=2e-3)
 
 
 @pytest.mark.parametrize("frequency_hz", [1.5, 2.3, 6.0])
@@ -79,7 +81,7 @@ def test_a_run_grows_where_its_mode_does(frequency_hz: float, phase: float) -> N
     for growth in (-0.1, 0.1):
         mode = 0.02 * np.exp(growth * times) * np.cos(2 * math.pi * frequency_hz * times + phase)
         # Discretisation-limited: half a period in four changes rms by 2 %, 0.01 /s of the rate.
-        assert evaluate(mode, 199, LIMIT).grows == (growth > 0.0)
+        assert evaluate(mode, 199, LIMIT, COMMAND_PERIOD_S).grows == (growth > 0.0)
 
 
 @pytest.mark.parametrize("frequency_hz", [0.8, 1.3, 2.3, 7.0])
@@ -95,16 +97,16 @@ def test_a_run_with_a_drift_grows_where_its_oscillation_does(
         phase = 2.0 * math.pi * (frequency_hz * times + random.uniform())
         both = 1e-3 * (np.exp(growth * times) * np.cos(phase) + drift)
         # Discretisation-limited: 0.05 /s at 0.8 Hz, where a half holds two periods.
-        assert evaluate(both, 199, LIMIT).grows == (growth > 0.0)
+        assert evaluate(both, 199, LIMIT, COMMAND_PERIOD_S).grows == (growth > 0.0)
 
 
 def test_a_drift_has_no_frequency() -> None:
     times = COMMAND_PERIOD_S * np.arange(100)
     drift = 10.0 * np.exp(-times / 2.0)
     # Discretisation-limited: a parabola through a padded line, beside what is left of the drift.
-    assert dominant_frequency(drift + np.sin(2 * math.pi * 1.3 * times)) == pytest.approx(
-        1.3, rel=0.02
-    )
+    assert dominant_frequency(
+        drift + np.sin(2 * math.pi * 1.3 * times), COMMAND_PERIOD_S
+    ) == pytest.approx(1.3, rel=0.02)
 
 
 def swelling(*sizes: float) -> Vector:
@@ -116,16 +118,22 @@ def swelling(*sizes: float) -> Vector:
 def test_the_whole_second_half_counts_and_not_where_a_swell_lies() -> None:
     """Analytic: rms of the halves by the sizes of their quarters."""
     # Larger in the second half, and just then at its smallest: rms² 1.0 against 1.7.
-    assert evaluate(swelling(1.0, 1.0, 1.0, 1.0, 2.0, 1.6, 0.8, 0.1), 200, LIMIT).grows
+    assert evaluate(
+        swelling(1.0, 1.0, 1.0, 1.0, 2.0, 1.6, 0.8, 0.1), 200, LIMIT, COMMAND_PERIOD_S
+    ).grows
     # Comes back once, larger than it began, and is smaller all in all: 2.1 against 0.6.
-    assert not evaluate(swelling(1.0, 2.0, 1.6, 0.9, 0.1, 1.5, 0.2, 0.1), 200, LIMIT).grows
+    assert not evaluate(
+        swelling(1.0, 2.0, 1.6, 0.9, 0.1, 1.5, 0.2, 0.1), 200, LIMIT, COMMAND_PERIOD_S
+    ).grows
 
 
 def test_at_the_bound_it_grows_no_further() -> None:
     # The first half at the bound all the time, the second at 0.9 of it: a limit cycle.
-    assert evaluate(100.0 * LIMIT * 10.0 * swelling(1.0, 0.9), 200, LIMIT).grows
+    assert evaluate(100.0 * LIMIT * 10.0 * swelling(1.0, 0.9), 200, LIMIT, COMMAND_PERIOD_S).grows
     # It was at the bound and dies out.
-    assert not evaluate(100.0 * LIMIT * 10.0 * swelling(1.0, 0.9, 0.4, 0.1), 200, LIMIT).grows
+    assert not evaluate(
+        100.0 * LIMIT * 10.0 * swelling(1.0, 0.9, 0.4, 0.1), 200, LIMIT, COMMAND_PERIOD_S
+    ).grows
 
 
 @pytest.mark.parametrize("guess", [0.2, 0.9, 1.0, 1.1, 5.0])

@@ -21,7 +21,9 @@ ERROR = MisalignmentConfig(right=GripError(lateral_m=1e-3, roll_rad=0.02, yaw_ra
 
 def test_errors_rise_from_nothing_while_the_arms_settle_and_then_stay() -> None:
     scenario = load_scenario(STRIP6, SHORT)
-    motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
+    motion = nominal_motion(
+        scenario.path, scenario.motion, scenario.sheet.length_m, scenario.period_s
+    )
     errors = errors_over_time(np.zeros((2, 6)), ERROR.errors(), motion)
     # Analytic.
     assert not errors[0].any()
@@ -31,7 +33,9 @@ def test_errors_rise_from_nothing_while_the_arms_settle_and_then_stay() -> None:
 
 def test_of_what_the_jaws_took_only_their_plane_stays() -> None:
     scenario = load_scenario(STRIP6, SHORT)
-    motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
+    motion = nominal_motion(
+        scenario.path, scenario.motion, scenario.sheet.length_m, scenario.period_s
+    )
     taken = np.array([[1e-3, 2e-3, 3e-3, 0.01, 0.02, 0.03]] * 2)
     errors = errors_over_time(taken, ERROR.errors(), motion)
     # Analytic.

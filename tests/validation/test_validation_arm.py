@@ -68,7 +68,7 @@ def test_fit_finds_the_response_that_made_the_record(frequency_hz: float, ratio:
     response = CommandResponse(config, 1, 16, period_s=COMMAND_PERIOD_S)
     response.reset([0.3])
     record = [0.3] + [float(response.update(np.array([0.31])).position[-1, 0]) for _ in range(44)]
-    omega, found = vc.fit_response(np.array(record), 0.3)
+    omega, found = vc.fit_response(np.array(record), 0.3, COMMAND_PERIOD_S)
     # Analytic: two exact solutions of one equation; the solver's own tolerance.
     assert omega == pytest.approx(2.0 * math.pi * frequency_hz, rel=1e-4)
     assert found == pytest.approx(ratio, rel=1e-4)

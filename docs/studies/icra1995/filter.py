@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from scipy import signal
 
-from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceAxis,
@@ -104,7 +104,7 @@ def low_pass(kind: Kind, size: int, cutoff_hz: float) -> LowPass:
 
 def nyquist_share(cutoff_hz: float) -> float:
     """Return the cut-off over half the command rate."""
-    return cutoff_hz / NYQUIST_HZ
+    return 2.0 * COMMAND_PERIOD_S * cutoff_hz
 
 
 def filter_delay_ms(kind: Kind, size: int, cutoff_hz: float, frequency_hz: float = 2.0) -> float:

@@ -1,7 +1,7 @@
-"""The command clock of the PUMA's ALTER, and how physics steps divide a command period.
+"""The command clock, and how physics steps divide a command period.
 
 Every discrete element of this package runs once per command period T, its argument ``period_s``
-[s]; a scenario's run passes in `COMMAND_PERIOD_S`. Its argument ``shape`` is the leading shape of
+[s]; a scenario says it, ``robot.command_period_s``. Its argument ``shape`` is the leading shape of
 what it takes, holds and returns: () for a single one. It tells its own transfer function as
 ``(numerator, denominator)`` in rising powers of z⁻¹, monic denominator:
 H(z) = (n₀ + n₁ z⁻¹ + …) / (1 + d₁ z⁻¹ + …).
@@ -14,13 +14,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.errors import InputError
 from dualbend.types import Vector
 
 COMMAND_PERIOD_S = 0.028
-"""Period of the Cartesian set-points that the joint servos accept [s] (the paper, section V)."""
+"""The default: that of the PUMA's ALTER [s] (the paper, section V)."""
 
-NYQUIST_HZ = 0.5 / COMMAND_PERIOD_S
-"""Half the command rate [Hz], 17.857."""
+LONGEST_STEP_S = COMMAND_PERIOD_S / 16
+"""Physics step where a scenario gives none and the period is a multiple of it [s]."""
 
 ComplexVector = NDArray[np.complex128]
 TransferFunction = tuple[Vector, Vector]
@@ -32,6 +33,20 @@ def rational(transfer: TransferFunction, z_inverse: complex | ComplexVector) -> 
     return np.asarray(
         np.polyval(numerator[::-1], z_inverse) / np.polyval(denominator[::-1], z_inverse)
     )
+
+
+def refuse_beyond_nyquist(key: str, frequency_hz: float, period_s: float) -> None:
+    """Raise InputError where a frequency is not below half the command rate 1/T [Hz]."""
+    if not frequency_hz < 0.5 / period_s:
+        raise InputError(
+            f"{key} = {frequency_hz!r}: must be below {0.5 / period_s:.3f} Hz, half the command "
+            f"rate of {1.0 / period_s:.3f} Hz"
+        )
+
+
+def default_step_s(period_s: float) -> float:
+    """Return the longest physics step up to 1.75 ms that divides the command period [s]."""
+    return period_s / math.ceil(period_s / LONGEST_STEP_S - 1e-9)
 
 
 def steps_per_cycle(step_s: float, period_s: float) -> int:

@@ -1,10 +1,10 @@
 """The low-pass filter of the force/torque readings, at the command period.
 
-At 35.7 Hz a cut-off of 10 Hz is 0.56 of Nyquist, so a short FIR filter hardly has the corner it is
-asked for: with the Hamming window 2 taps give −3 dB at 8.93 Hz, 3 taps never get there (gain 0.903
-at 10 Hz, 0.836 at Nyquist), 5 taps give 7.92 Hz. With the boxcar window 3 taps give 6.31 Hz. A
-symmetric FIR of n taps delays all frequencies by (n − 1)/2 periods: 28 ms for 3 taps; a Butterworth
-of order 2, discretised at this rate, delays low frequencies by 16.4 ms.
+At the PUMA's 35.7 Hz a cut-off of 10 Hz is 0.56 of Nyquist, so a short FIR filter hardly has the
+corner it is asked for: with the Hamming window 2 taps give −3 dB at 8.93 Hz, 3 taps never get there
+(gain 0.903 at 10 Hz, 0.836 at Nyquist), 5 taps give 7.92 Hz. With the boxcar window 3 taps give
+6.31 Hz. A symmetric FIR of n taps delays all frequencies by (n − 1)/2 periods: 28 ms for 3 taps; a
+Butterworth of order 2, discretised at this rate, delays low frequencies by 16.4 ms.
 Read `LowPass.minus_3db_hz` and `LowPass.group_delay_s` rather than the configured numbers.
 """
 
@@ -15,31 +15,16 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dualbend.control.clock import NYQUIST_HZ, TransferFunction, rational
-from dualbend.errors import InputError
+from dualbend.control.clock import TransferFunction, rational, refuse_beyond_nyquist
 from dualbend.types import Tagged, Vector, said
 
 
 class _CutOff(Tagged):
-    """A low-pass filter with a design cut-off.
+    """A low-pass filter with a design cut-off."""
 
-    Its cut-off is checked against the command rate of the PUMA when a scenario is read; nothing
-    else here takes that rate for granted.
-
-    Raises
-    ------
-    InputError
-        The cut-off is not below Nyquist (17.857 Hz).
-    """
-
-    cutoff_hz: Annotated[float, said("design cut-off, below 17.857 [Hz]", gt=0, le=1e3)] = 10.0
-
-    def __post_init__(self) -> None:
-        if not self.cutoff_hz < NYQUIST_HZ:
-            raise InputError(
-                f"cutoff_hz = {self.cutoff_hz!r}: must be below {NYQUIST_HZ:.3f} Hz, half the "
-                f'command rate of {2.0 * NYQUIST_HZ:.3f} Hz; or set kind = "none"'
-            )
+    cutoff_hz: Annotated[
+        float, said("design cut-off, below half the command rate [Hz]", gt=0, le=1e3)
+    ] = 10.0
 
 
 class FirConfig(_CutOff, tag="fir"):
@@ -61,6 +46,12 @@ class NoFilterConfig(Tagged, tag="none"):
 
 LowPassConfig: TypeAlias = FirConfig | IirConfig | NoFilterConfig
 """Which low-pass filter the wrench goes through before the compliance."""
+
+
+def refuse_filter(config: LowPassConfig, period_s: float) -> None:
+    """Raise InputError where the cut-off is not below half the command rate."""
+    if not isinstance(config, NoFilterConfig):
+        refuse_beyond_nyquist("filter.cutoff_hz", config.cutoff_hz, period_s)
 
 
 def _design(config: LowPassConfig, period_s: float) -> TransferFunction:
@@ -113,6 +104,7 @@ class LowPass:
         period_s: float,
         shape: tuple[int, ...] = (),
     ) -> None:
+        refuse_filter(config, period_s)
         self.config, self.period_s = config, period_s
         self._numerator, self._denominator = _design(config, period_s)
         self._step, self._steady = _transposed_form(self._numerator, self._denominator)

@@ -47,6 +47,17 @@ class ForceTorqueConfig(Config):
     force_resolution_n: Annotated[float, _Count] = 0.05
     torque_resolution_nm: Annotated[float, _Count] = 0.003
     latency_ms: Annotated[float, said("sensor latency (serial record) [ms]", ge=0, le=1000)] = 0.0
+    sampling_ms: (
+        Annotated[
+            float,
+            said(
+                "between two samples, by its own clock; none: one a command",
+                gt=0,
+                le=1000,
+            ),
+        ]
+        | None
+    ) = None
     lever_arm_m: Annotated[
         float, said("sensor to grip centre as the controller believes it [m]", ge=0, le=1)
     ] = 0.12
@@ -83,6 +94,20 @@ class ForceTorqueConfig(Config):
         that the simulation has is one step old.
         """
         return math.floor(self.latency_ms * 1e-3 / step_s + 0.5)
+
+    def sampling_steps(self, step_s: float) -> int | None:
+        """Return the time between two samples in whole physics steps, the nearest, at least one."""
+        if self.sampling_ms is None:
+            return None
+        return max(math.floor(self.sampling_ms * 1e-3 / step_s + 0.5), 1)
+
+    def reading_period_s(self, period_s: float) -> float:
+        """Return the mean time between two new readings with commands every ``period_s`` [s]."""
+        return period_s if self.sampling_ms is None else max(period_s, 1e-3 * self.sampling_ms)
+
+    def reading_cycles(self, period_s: float) -> int:
+        """Return the commands from a new reading to the next one, at most."""
+        return math.ceil(self.reading_period_s(period_s) / period_s - 1e-9)
 
 
 def _whole_counts(full_range: float, count: float) -> float:
@@ -205,8 +230,9 @@ class WrenchChain:
 
     F_G = R_GS (F_S − F_tool), M_G = R_GS (M_S − M_tool − r × (F_S − F_tool)), with r the lever arm
     along x_G and R_GS (3, 3) from S to G. The elements are of one leading shape; the low-pass has
-    six channels and takes the first reading as its steady state. A reading is fresh that arrived
-    and, of a sensor with a count of noise, is not equal to the last one on all axes.
+    six channels and takes the first reading as its steady state. Where there is no new sample the
+    last reading stands. A reading is fresh that is of a new sample, arrived and, of a sensor with a
+    count of noise, is not equal to the last one on all axes.
 
     Raises
     ------
@@ -234,12 +260,18 @@ class WrenchChain:
         self._to_grip = units.components.T.copy()
         self._primed = False
         self._last = np.full(1, np.nan)
+        self._clipped: Mask = np.zeros(1, dtype=np.bool_)
 
-    def update(self, wrench: Vector, rotation_world_sensor: Vector) -> WrenchReading:
-        """Process the true force [N] and torque [N m] (..., 6) in S, with R_WS (..., 3, 3)."""
-        reading, clipped = self.sensor.read(wrench)
+    def update(
+        self, wrench: Vector, rotation_world_sensor: Vector, *, new: bool = True
+    ) -> WrenchReading:
+        """Process the true force [N] and torque [N m] (..., 6) in S, with R_WS (..., 3, 3).
+
+        ``new``: it is another sample than the last one.
+        """
+        reading, clipped = self.sensor.read(wrench) if new else (self._last, self._clipped)
         changed = np.any(reading != self._last, axis=-1) | self.sensor.config.may_repeat
-        self._last = reading
+        self._last, self._clipped = reading, clipped
         grips = np.empty((2, *reading.shape))
         grips[0] = matvec(self._to_grip, reading - self.tool.wrench(rotation_world_sensor))
         if not self._primed:
@@ -250,5 +282,5 @@ class WrenchChain:
             sensor=Wrench(reading, "sensor", "sensor"),
             grips=Wrench(grips, "grip", "grip"),
             clipped=clipped,
-            fresh=self.sensor.arrived & changed,
+            fresh=self.sensor.arrived & changed & new,
         )

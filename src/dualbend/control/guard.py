@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.types import SIDES, Config, Mask, Side, Vector, said
 
 SENSOR_AXES = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
@@ -42,11 +41,6 @@ class GuardConfig(Config):
         float,
         said("how long the run goes on after a stop, to tell what the sheet bears", ge=0, le=60),
     ] = 0.5
-
-    @property
-    def after_stop_cycles(self) -> int:
-        """Command cycles that a run goes on after a stop."""
-        return round(self.after_stop_s / COMMAND_PERIOD_S)
 
 
 class ProtectiveStop(Exception):  # noqa: N818 - an event of the robot, not an error of ours
@@ -135,15 +129,21 @@ class Guard:
 class SensorGuard:
     """Stops the arms where a wrist sensor tells too long less than acts on it, or nothing new.
 
-    Of the sensors of the arms ``sides``; ``shape``: leading shape.
+    Of the sensors of the arms ``sides``, which give a new reading every ``reading_cycles``;
+    ``shape``: leading shape.
     """
 
     def __init__(
-        self, config: GuardConfig, sides: Sequence[Side], shape: tuple[int, ...] = ()
+        self,
+        config: GuardConfig,
+        sides: Sequence[Side],
+        shape: tuple[int, ...] = (),
+        *,
+        reading_cycles: int = 1,
     ) -> None:
         self._sides = sides
         self._cycles = np.zeros((2, *shape, len(sides)), dtype=np.int_)
-        allowed = np.array([config.sensor_cycles, config.lost_cycles])
+        allowed = np.array([config.sensor_cycles, config.lost_cycles + reading_cycles - 1])
         self._allowed = allowed.reshape(2, *[1] * (len(shape) + 1))
         self._watched = np.ones(len(sides), dtype=np.bool_)
 

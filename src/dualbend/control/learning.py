@@ -19,7 +19,7 @@ from typing import Annotated
 import numpy as np
 from scipy import signal
 
-from dualbend.control.clock import NYQUIST_HZ, ComplexVector
+from dualbend.control.clock import ComplexVector
 from dualbend.control.controller import Controller, Observation
 from dualbend.errors import InputError
 from dualbend.types import Config, Mask, Vector, said
@@ -41,7 +41,7 @@ class LearningConfig(Config):
         float, said("share of a moment's cause that one sheet corrects [-]", gt=0, le=10)
     ] = 0.85
     cutoff_hz: Annotated[
-        float, said("frequency up to which is learned, half of it there", ge=0.1, lt=NYQUIST_HZ)
+        float, said("frequency up to which is learned, half of it there", ge=0.1, le=1e3)
     ] = 3.0
     lead_cycles: (
         Annotated[
@@ -75,7 +75,7 @@ class LearningLaw:
     ) -> None:
         self.config, self.lead_cycles = config, lead_cycles
         self.gain = config.gain * compliance
-        self._ramp_cycles = ramp_cycles
+        self.period_s, self._ramp_cycles = period_s, ramp_cycles
         self._sections = signal.butter(ORDER, config.cutoff_hz, fs=1.0 / period_s, output="sos")
 
     def update(self, correction: Vector, moment: Vector) -> Vector:

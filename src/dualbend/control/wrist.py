@@ -23,14 +23,16 @@ class WristSensors:
         self.chain, self.arms = chain, tuple(arms)
         self._part = arm_slice(arms)
 
-    def read(self, wrench: Vector, rotation: Vector) -> WrenchReading:
+    def read(self, wrench: Vector, rotation: Vector, *, new: bool = True) -> WrenchReading:
         """Measure the true wrenches (..., 2, 6) at the sensors, in S; their axes (..., 2, 3, 3).
+
+        ``new``: these are other samples than the last ones.
 
         What is told at the grips is of both arms (2, ..., 2, 6), NaN of one without a sensor; the
         rest is of the arms with a sensor only.
         """
         arms = self._part
-        reading = self.chain.update(wrench[..., arms, :], rotation[..., arms, :, :])
+        reading = self.chain.update(wrench[..., arms, :], rotation[..., arms, :, :], new=new)
         both = np.empty((2, *wrench.shape))
         both.fill(np.nan)
         both[..., arms, :] = reading.grips.components

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.controller import Observation
 from dualbend.env.base import CellEnv, Info
 from dualbend.errors import InputError
@@ -51,7 +50,7 @@ class AssembleEnv(CellEnv):
         if scenario.task.kind != "assembly":
             raise InputError(f"scenario {scenario.name!r}: dualbend/Assemble-v1 needs an assembly")
         self._limit_n = assembly_of(scenario).limits.pin_force_n
-        return [(0.0, len(PHASES)), (0.0, np.pi), (0.0, cycles(scenario) * COMMAND_PERIOD_S)]
+        return [(0.0, len(PHASES)), (0.0, np.pi), (0.0, cycles(scenario) * scenario.period_s)]
 
     def grips(self, observation: Observation) -> Vector:
         """Return the measured poses: the nominal ones are carried with the sheet's place."""

@@ -27,7 +27,7 @@ Info = dict[str, Any]
 
 
 class CellEnv(gymnasium.Env[Vector, Vector]):
-    """A scenario's cell as an environment: a step is one command period of 28 ms.
+    """A scenario's cell as an environment: a step is one command period.
 
     Actions (6,): deviation of the left arm along x and z [m] and in pitch [rad] from the nominal
     path, then of the right arm, each in its arm's bending frame, not cumulative. They take the

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.controller import Observation
 from dualbend.env.base import SENSING, CellEnv, Info
 from dualbend.errors import InputError
@@ -42,7 +41,7 @@ class BendEnv(CellEnv):
         scenario = self.cell.scenario
         if scenario.task.kind != "bending":
             raise InputError(f"scenario {scenario.name!r}: dualbend/Bend-v1 needs a bending")
-        return [(0.0, np.pi), (0.0, cycles(scenario) * COMMAND_PERIOD_S)]
+        return [(0.0, np.pi), (0.0, cycles(scenario) * scenario.period_s)]
 
     def observed(self, observation: Observation) -> list[float]:
         """Return bending angle and time."""

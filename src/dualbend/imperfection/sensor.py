@@ -100,7 +100,7 @@ class SensorErrors(Config):
 class ErringSensor(Sensor):
     """Wrist sensors with their errors; ``arms``: seed and side of each, in C order of ``shape``.
 
-    The noise is that of :class:`Sensor` with the same ``rng``. One reading is taken a cycle of
+    The noise is that of :class:`Sensor` with the same ``rng``. A reading is taken every
     ``period_s`` [s]. ``repeat``: number of the sheet in a series; walks, spikes and drop-outs are
     each sheet's own.
     """

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from dualbend.recording.geometry import DECIMALS, in_world
 from dualbend.recording.layers import view
-from dualbend.recording.log import TIMELINE, RecordingLog, new_stream, row_times, saved
+from dualbend.recording.log import TIMELINE, RecordingLog, new_stream, recording_log, saved
 from dualbend.recording.plots import BRIGHT, DULL
 from dualbend.run.record import RunRecord
 from dualbend.types import SIDES
@@ -41,7 +41,7 @@ def write_compared_recording(
         stream.log("comparison", rr.TextDocument(text), static=True)
         stream.log("grips", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for i, (run, label) in enumerate(zip(runs, labels, strict=True)):
-            log = RecordingLog(stream, row_times(run))
+            log = recording_log(stream, run)
             _log_plots(log, run, label, i)
             _log_grips(log, run, label, i)
             _log_phases(log, run, i)

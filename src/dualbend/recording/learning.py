@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import rerun.blueprint as rrb
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.recording.log import TIMELINE, RecordingLog, Times, new_stream, saved
 from dualbend.types import SIDES, Vector
 
@@ -30,7 +29,9 @@ class SheetSeries:
     correction_rad: Vector
 
 
-def write_sheets_recording(sheets: Sequence[SheetSeries], name: str, path: Path) -> None:
+def write_sheets_recording(
+    sheets: Sequence[SheetSeries], name: str, path: Path, period_s: float
+) -> None:
     """Write ``/moment/sheet-1`` and ``/correction/left/sheet-1`` on, units in the series' names.
 
     OSError where ``path`` cannot be written.
@@ -58,7 +59,7 @@ def write_sheets_recording(sheets: Sequence[SheetSeries], name: str, path: Path)
                 f"moment/{entity}", (f"{sheet.name} [mN m]", 1e3 * sheet.moment_nm, colour, 1.5)
             )
             cycles = np.arange(sheet.correction_rad.shape[-1], dtype=np.float64)
-            log = RecordingLog(stream, _times(COMMAND_PERIOD_S * cycles))
+            log = RecordingLog(stream, _times(period_s * cycles))
             for side, turn in zip(SIDES, sheet.correction_rad, strict=True):
                 log.lines(
                     f"correction/{side}/{entity}", (f"{sheet.name} [mrad]", 1e3 * turn, colour, 1.5)

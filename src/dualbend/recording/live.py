@@ -22,9 +22,8 @@ from typing import Self
 import numpy as np
 import rerun as rr
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError, refusing
-from dualbend.recording.log import FRAME_CYCLES, RecordingLog, row_times
+from dualbend.recording.log import frame_cycles, recording_log
 from dualbend.recording.notes import Notes
 from dualbend.recording.scales import Scales
 from dualbend.recording.scene import log_scene
@@ -177,7 +176,7 @@ class LiveRecording:
 
     def _finish(self, result: RunRecord, notes: Notes | None) -> None:
         self._log(result, ended=True)
-        log = RecordingLog(self._stream, row_times(result))
+        log = recording_log(self._stream, result)
         log_texts(log, result, self._scales, notes)
         if notes is not None:
             log_predicted(log, notes)
@@ -185,17 +184,20 @@ class LiveRecording:
     def _log(self, result: RunRecord, *, ended: bool) -> None:
         """Log the rows that are new; the scene is computed for them and a few before."""
         rows, done = result.trace.rows, self._streamed
-        begin = max(done - FRAME_CYCLES - result.scenario.robot.alter.delay_cycles - 1, 0)
-        times = row_times(result)
-        log = RecordingLog(self._stream, times, done=done, ended=ended)
+        begin = max(
+            done
+            - frame_cycles(result.scenario.period_s)
+            - result.scenario.robot.alter.delay_cycles
+            - 1,
+            0,
+        )
+        log = recording_log(self._stream, result, done=done, ended=ended)
         if not done:
             log_texts(log, result, self._scales, None, ended=ended)
         log_run(log, result)
         log_lanes(log, result)
         part = replace(result, trace=result.trace.window(begin, rows))
-        scene = RecordingLog(
-            self._stream, times[begin:], begin=begin, done=done - begin, ended=ended
-        )
+        scene = recording_log(self._stream, part, begin=begin, done=done - begin, ended=ended)
         log_scene(scene, part, self._scales)
         self._streamed = rows
 
@@ -207,7 +209,7 @@ def _so_far(run: Run, trace: Trace) -> RunRecord:
         outcome="completed",
         trace=trace,
         scene=Scene(model=run.cell.model, bend_stiffness=run.cell.simulation.bend_stiffness),
-        simulated_s=trace.rows * COMMAND_PERIOD_S,
+        simulated_s=trace.rows * run.scenario.period_s,
         wall_time_s=0.0,
         identity=run.identity,
     )

@@ -26,8 +26,13 @@ Series = tuple[str, Vector, Colour, float]
 TIMELINE = "sim_time"
 """Name of the only timeline: simulated time since the start of the run."""
 
-FRAME_CYCLES = 3
-"""The scene in 3D has a frame every so many cycles (84 ms, 12 a second); series have every one."""
+_FRAME_S = 0.084
+"""The scene in 3D has a frame about as often as this, 12 a second; series have every cycle."""
+
+
+def frame_cycles(period_s: float) -> int:
+    """Return how many command periods of ``period_s`` [s] a frame of the scene in 3D stands for."""
+    return max(round(_FRAME_S / period_s), 1)
 
 
 def new_stream(name: str) -> rr.RecordingStream:
@@ -58,13 +63,21 @@ def row_times(run: RunRecord) -> Times:
     return np.rint(1e9 * run["time"]).astype("timedelta64[ns]")
 
 
+def recording_log(
+    stream: rr.RecordingStream, run: RunRecord, *, begin: int = 0, done: int = 0, ended: bool = True
+) -> RecordingLog:
+    """Return the log of a run's rows, or of its rows from the run's row ``begin`` on."""
+    frame = frame_cycles(run.scenario.period_s)
+    return RecordingLog(stream, row_times(run), begin=begin, done=done, ended=ended, frame=frame)
+
+
 @dataclass(frozen=True)
 class RecordingLog:
     """A stream and the times of the trace's rows, in whole nanoseconds.
 
     ``begin``: the run's row that is the first of ``times``. ``done``: rows of ``times`` that were
     logged before, and with them all that is logged once. ``ended``: the last of ``times`` is the
-    run's last, and the scene is shown there too.
+    run's last, and the scene is shown there too. ``frame``: rows of a frame of the scene in 3D.
     """
 
     stream: rr.RecordingStream
@@ -72,6 +85,7 @@ class RecordingLog:
     begin: int = 0
     done: int = 0
     ended: bool = True
+    frame: int = 1
 
     @property
     def live(self) -> bool:
@@ -95,11 +109,11 @@ class RecordingLog:
         self._send_rows(entity, archetype, values, kept)
 
     def frames(self, entity: str, archetype: type[rr.AsComponents], **values: NDArray[Any]) -> None:
-        """Log what the eye follows: every third row and the last, where anything changed.
+        """Log what the eye follows: every frame's row and the last, where anything changed.
 
         A viewer shows the latest frame at any time, so one that equals it says nothing.
         """
-        at = np.flatnonzero(self._regular(FRAME_CYCLES) & _finite(values))
+        at = np.flatnonzero(self._regular(self.frame) & _finite(values))
         moved = np.zeros(len(at), dtype=bool)
         moved[:1] = True
         for value in values.values():

@@ -7,17 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.metrics import WALL_CLOCK
 from dualbend.evaluation.recorded_rod import reference_moments
 from dualbend.evaluation.sheet import no_theory
 from dualbend.recording.layers import layers_of
-from dualbend.recording.log import FRAME_CYCLES
+from dualbend.recording.log import frame_cycles
 from dualbend.recording.scales import Scales
 from dualbend.run.record import Metric, RunRecord
 from dualbend.types import Vector
-
-_PERIOD_MS = round(1e3 * COMMAND_PERIOD_S)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +30,7 @@ class Notes:
 
 
 def notes_of(result: RunRecord) -> Notes:
-    """Return the run's metrics and, every third cycle, the rod's moment on the left grip.
+    """Return the run's metrics and, at the scene's frames, the rod's moment on the left grip.
 
     At the sheet's own edges, so that the pads' compliance is not in the difference. None of a sheet
     that may yield, which the elastic rod does not know.
@@ -42,7 +39,9 @@ def notes_of(result: RunRecord) -> Notes:
     count = result.trace.rows
     predicted = np.full(count, np.nan)
     if count and not no_theory(result.scenario):
-        shown = np.unique(np.append(np.arange(0, count, FRAME_CYCLES), count - 1))
+        shown = np.unique(
+            np.append(np.arange(0, count, frame_cycles(result.scenario.period_s)), count - 1)
+        )
         rows = layers_of(result).predictable(result, shown)
         if rows.size:
             predicted[rows] = reference_moments(result, "edge", rows)
@@ -58,7 +57,8 @@ _NOT_PREDICTED = (
 def guide(result: RunRecord, scales: Scales) -> str:
     """Return how to read the recording, in Markdown."""
     limit, layers = f"{scales.moment_range_n_m:g}", layers_of(result)
-    predicted = _NOT_PREDICTED if result.scenario.sheet.plastic else layers.predicted
+    scenario, period_ms = result.scenario, round(1e3 * result.scenario.period_s, 6)
+    predicted = _NOT_PREDICTED if scenario.sheet.plastic else layers.predicted
     return "\n".join(
         (
             layers.guide + predicted,
@@ -70,8 +70,8 @@ def guide(result: RunRecord, scales: Scales) -> str:
             "* axes at the grip: short as it is, long as commanded",
             "* path of the grip: grey nominal, green commanded with compliance",
             *layers.legend,
-            f"* moments, forces, angles, deviations: every {_PERIOD_MS} ms; scene, path, torques: "
-            f"every {FRAME_CYCLES * _PERIOD_MS} ms; everything: trace.parquet",
+            f"* moments, forces, angles, deviations: every {period_ms:g} ms; scene, path, torques: "
+            f"every {frame_cycles(scenario.period_s) * period_ms:g} ms; everything: trace.parquet",
         )
     )
 

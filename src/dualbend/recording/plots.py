@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from dualbend.recording.log import FRAME_CYCLES, Colour, RecordingLog, Series
+from dualbend.recording.log import Colour, RecordingLog, Series
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import Trace
 from dualbend.types import SIDES
@@ -54,7 +54,7 @@ def log_path(log: RecordingLog, trace: Trace) -> None:
     for side, (bright, dull) in _SIDE_COLOURS.items():
         series.append((f"{side} commanded [mm]", -1e3 * trace[f"{side}_command_x"], dull, 1.0))
         series.append((f"{side} grip [mm]", -1e3 * trace[f"{side}_grip_x"], bright, 1.5))
-    log.lines("path", *series, every=FRAME_CYCLES)
+    log.lines("path", *series, every=log.frame)
 
 
 def log_deviations(log: RecordingLog, trace: Trace) -> None:
@@ -73,10 +73,10 @@ def log_joints(log: RecordingLog, trace: Trace) -> None:
     log.once("torque", rr.SeriesLines(names=names))
     columns = [trace[name.replace("_", "_torque_", 1)] for name in trace.joints]
     torques = np.stack(columns, axis=1)
-    log.rows("torque", rr.Scalars, FRAME_CYCLES, scalars=torques)
+    log.rows("torque", rr.Scalars, log.frame, scalars=torques)
     log.lines(
         "ik",
         ("position [µm]", 1e6 * trace["ik_position"], BRIGHT[0], 1.5),
         ("rotation [µrad]", 1e6 * trace["ik_rotation"], BRIGHT[1], 1.5),
-        every=FRAME_CYCLES,
+        every=log.frame,
     )

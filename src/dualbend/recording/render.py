@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError, writing
 from dualbend.files import whole_file
 from dualbend.recording.layers import layers_of
@@ -89,9 +88,9 @@ def check_look(look: Look, run: Run, path: Path) -> None:
     _open_renderer(run.cell.model, _SMALLEST_PX, _SMALLEST_PX).close()
 
 
-def frame_rows(rows: int, look: Look) -> NDArray[np.intp]:
+def frame_rows(rows: int, look: Look, period_s: float) -> NDArray[np.intp]:
     """Return the rows that a video shows, from the first to the last, 1/fps apart in its time."""
-    step = look.speed / look.fps / COMMAND_PERIOD_S
+    step = look.speed / look.fps / period_s
     count = 1 + math.ceil((rows - 1) / step)
     shown: NDArray[np.intp] = np.rint(step * np.arange(count)).astype(np.intp)
     return np.minimum(shown, rows - 1)
@@ -112,11 +111,15 @@ def write_video(result: RunRecord, path: Path, look: Look) -> int:
     InputError
         No OpenGL, a time beyond the run's end, a file that cannot be written.
     """
-    rows = result.trace.rows
+    rows, period_s = result.trace.rows, result.scenario.period_s
     if not rows:
         raise InputError(f"nothing to draw: {result.reason or 'the run has no cycles'}")
     still = path.suffix.lower() == ".png"
-    shown = np.array([_row_at(rows, look.at_s)]) if still else frame_rows(rows, look)
+    shown = (
+        np.array([_row_at(rows, look.at_s, period_s)])
+        if still
+        else frame_rows(rows, look, period_s)
+    )
     with Stage(result, look) as stage:
         frames = [stage.picture(row) for row in shown.tolist()]
     with writing(path, "--out"), whole_file(path) as part:
@@ -127,12 +130,12 @@ def write_video(result: RunRecord, path: Path, look: Look) -> int:
     return len(frames)
 
 
-def _row_at(rows: int, at_s: float | None) -> int:
+def _row_at(rows: int, at_s: float | None, period_s: float) -> int:
     if at_s is None:
         return rows - 1
-    row = math.floor(at_s / COMMAND_PERIOD_S + 1e-9)
+    row = math.floor(at_s / period_s + 1e-9)
     if not 0 <= row < rows:
-        raise InputError(f"--at {at_s:g}: the run goes from 0 to {rows * COMMAND_PERIOD_S:.3f} s")
+        raise InputError(f"--at {at_s:g}: the run goes from 0 to {rows * period_s:.3f} s")
     return row
 
 

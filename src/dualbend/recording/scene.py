@@ -24,7 +24,7 @@ from dualbend.recording.geometry import (
     shapes_of,
 )
 from dualbend.recording.layers import layers_of
-from dualbend.recording.log import FRAME_CYCLES, RecordingLog
+from dualbend.recording.log import RecordingLog
 from dualbend.recording.plots import NOMINAL_COLOUR
 from dualbend.recording.scales import Scales, diverging_colours
 from dualbend.run.permanent_set import hinge_moments
@@ -218,7 +218,7 @@ def log_paths(log: RecordingLog, result: RunRecord) -> None:
     """Log the nominal and commanded paths of the grips as they are so far, a point a frame."""
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         (nominal, _), (commanded, _) = _paths(result, side, sign)
-        lines = [line[::FRAME_CYCLES] for line in (nominal, commanded)]
+        lines = [line[:: log.frame] for line in (nominal, commanded)]
         strips = [line[np.isfinite(line).all(axis=1)] for line in lines]
         drawn = rr.LineStrips3D(strips, colors=[NOMINAL_COLOUR, _COMMAND_COLOUR], radii=0.001)
         log.replace(f"cell/path/{side}", drawn)

@@ -7,7 +7,6 @@ import time
 import mujoco
 import mujoco.viewer
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
 
@@ -28,7 +27,7 @@ def run_in_viewer(run: Run) -> RunRecord:
             shown.mocap_pos[:], shown.mocap_quat[:] = simulated.mocap_pos, simulated.mocap_quat
             mujoco.mj_forward(run.cell.model, shown)
             window.sync()
-            ahead = cycle * COMMAND_PERIOD_S - (time.perf_counter() - started)
+            ahead = cycle * run.scenario.period_s - (time.perf_counter() - started)
             if ahead > 0.0:
                 time.sleep(ahead)
 

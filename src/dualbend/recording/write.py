@@ -11,15 +11,13 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.recording import plots
 from dualbend.recording.layers import layers_of
 from dualbend.recording.log import (
-    FRAME_CYCLES,
     TIMELINE,
     RecordingLog,
     new_stream,
-    row_times,
+    recording_log,
     saved,
 )
 from dualbend.recording.notes import Notes, guide, story, words
@@ -58,7 +56,7 @@ def write_recording(result: RunRecord, path: Path, notes: Notes | None = None) -
     """
     stream = open_stream(result)
     with saved(stream, path, layout(result)):
-        log, scales = RecordingLog(stream, row_times(result)), Scales.of(result)
+        log, scales = recording_log(stream, result), Scales.of(result)
         log_texts(log, result, scales, notes)
         log_scene(log, result, scales)
         log_run(log, result)
@@ -110,7 +108,7 @@ def log_predicted(log: RecordingLog, notes: Notes) -> None:
         return
     name = "left predicted [N m]"
     series = (name, notes.predicted_moment, _PREDICTED_COLOUR, 5.0)
-    log.broken_line("moment/predicted", series, every=FRAME_CYCLES)
+    log.broken_line("moment/predicted", series, every=log.frame)
 
 
 def log_lanes(log: RecordingLog, result: RunRecord) -> None:
@@ -126,8 +124,9 @@ def log_lanes(log: RecordingLog, result: RunRecord) -> None:
     starts = [
         row for row in range(log.done, len(names)) if row == 0 or names[row] != names[row - 1]
     ]
-    end_s = COMMAND_PERIOD_S * len(names)
-    ends_ns = [round(1e9 * t) for t in (end_s, end_s + max(_LANE * end_s, COMMAND_PERIOD_S))]
+    period_s = result.scenario.period_s
+    end_s = period_s * len(names)
+    ends_ns = [round(1e9 * t) for t in (end_s, end_s + max(_LANE * end_s, period_s))]
     times, shown = log.times[starts], [names[row] for row in starts]
     if log.ended:
         times = np.append(times, np.array(ends_ns, dtype="timedelta64[ns]"))

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.report.plot import LEFT_RIGHT, Axis, Colour, Curve, Plot, common
 from dualbend.report.section import Figure
 from dualbend.run.record import RunRecord
@@ -106,7 +105,7 @@ def _phases(run: RunRecord) -> Iterator[Phase]:
             sheet=sheet,
             attempt=attempt,
             start_s=float(time[first]),
-            end_s=float(time[end - 1] + COMMAND_PERIOD_S),
+            end_s=float(time[end - 1] + run.scenario.period_s),
         )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from dualbend.beam import elastica
 from dualbend.control.brake import Brakes
-from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
+from dualbend.control.clock import steps_per_cycle
 from dualbend.control.filters import LowPass
 from dualbend.control.force_torque import Sensor, ToolGravityCompensation, WrenchChain
 from dualbend.control.response import CommandResponse
@@ -47,7 +47,7 @@ class RobotCell:
         self.ik = InverseKinematics(robots, arms.home)
         self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)
-        step_s = scenario.physics.step_s
+        step_s = scenario.step_s
         config = scenario.sheet
         self.sheet = scenario.true_sheet
         model = without_looks(self._compose(looks=False)).compile()
@@ -58,7 +58,9 @@ class RobotCell:
             if isinstance(config.model, StripConfig)
             else ShellModel(model, self.sheet, config.model),
             latency_steps=scenario.sensor.latency_steps(step_s),
+            sampling_steps=scenario.sensor.sampling_steps(step_s),
             width_m=self.sheet.width_m,
+            period_s=scenario.period_s,
         )
         errors, simulation = scenario.imperfections.robot, self.simulation
         believed = BelievedArms(robots)
@@ -74,18 +76,18 @@ class RobotCell:
             scenario.robot.servo.friction_estimate,
             stiffness=self.servo.stiffness,
             coulomb_friction=robots.dof_frictionloss,
-            period_s=COMMAND_PERIOD_S,
+            period_s=scenario.period_s,
         )
         self.response = CommandResponse(
             scenario.robot.response,
             len(self.home),
-            steps_per_cycle(step_s, COMMAND_PERIOD_S),
-            period_s=COMMAND_PERIOD_S,
+            steps_per_cycle(step_s, scenario.period_s),
+            period_s=scenario.period_s,
         )
         self.brakes = Brakes(
             len(self.home),
             self.response.steps,
-            period_s=COMMAND_PERIOD_S,
+            period_s=scenario.period_s,
             time_s=scenario.guard.stop_time_s,
         )
 
@@ -98,7 +100,7 @@ class RobotCell:
             self.sheet,
             scenario.sheet.model,
             self.servo,
-            scenario.physics.step_s,
+            scenario.step_s,
             scenario.task.workplace,
             scenario.task.laid_sheets,
             looks=looks,
@@ -211,7 +213,7 @@ def make_integral(scenario: Scenario, robots: mujoco.MjModel) -> IntegralAction:
         scenario.robot.servo.integral,
         stiffness=joint_stiffness(scenario),
         torque_limit=robots.jnt_actfrcrange[:, 1],
-        period_s=COMMAND_PERIOD_S,
+        period_s=scenario.period_s,
     )
 
 
@@ -231,7 +233,7 @@ def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
             errors,
             named,
             shape,
-            period_s=COMMAND_PERIOD_S,
+            period_s=scenario.sensor.reading_period_s(scenario.period_s),
             repeat=scenario.repeat,
         )
     )
@@ -241,7 +243,7 @@ def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
     chain = WrenchChain(
         sensor,
         ToolGravityCompensation([mass for mass, _ in tools], [centre for _, centre in tools]),
-        LowPass(scenario.filter, period_s=COMMAND_PERIOD_S, shape=shape),
+        LowPass(scenario.filter, period_s=scenario.period_s, shape=shape),
         np.eye(3),
     )
     return WristSensors(chain, arms)
@@ -259,6 +261,6 @@ def make_link(scenario: Scenario, cell: RobotCell) -> CommandLink | None:
         SIDES,
         counts,
         cell.home,
-        period_s=COMMAND_PERIOD_S,
+        period_s=scenario.period_s,
         repeat=scenario.repeat,
     )

@@ -13,7 +13,7 @@ from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import sheet_tangent, solve_grips
 from dualbend.beam.sheet import Sheet
 from dualbend.control.alter import AlterConfig
-from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
+from dualbend.control.clock import steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance, ModelAdmittanceConfig
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.pair import PairCompliance
@@ -59,7 +59,7 @@ def make_admittance(scenario: Scenario, shape: tuple[int, ...] = ()) -> Admittan
     """
     config = scenario.compliance
     if not isinstance(config, ModelAdmittanceConfig) or not config.modelled:
-        return Admittance(config, period_s=COMMAND_PERIOD_S, shape=shape)
+        return Admittance(config, period_s=scenario.period_s, shape=shape)
     own, nominal = (
         response_model(scenario, delay_cycles=delay_cycles, channels=channels, shape=shape)
         for delay_cycles, channels in ((scenario.robot.alter.delay_cycles, 2), (0, 3))
@@ -70,7 +70,7 @@ def make_admittance(scenario: Scenario, shape: tuple[int, ...] = ()) -> Admittan
         response=scenario.robot.response,
         own=own,
         nominal=nominal,
-        period_s=COMMAND_PERIOD_S,
+        period_s=scenario.period_s,
         shape=shape,
     )
 
@@ -78,9 +78,20 @@ def make_admittance(scenario: Scenario, shape: tuple[int, ...] = ()) -> Admittan
 def reading_age_steps(scenario: Scenario) -> int:
     """Return the age of a reading when a cycle uses it [physics steps], at least 1.
 
-    As in scene.simulation: the force that acts during a step is known when the step is done.
+    As in scene.simulation: the force that acts during a step is known when the step is done. Of
+    sensors that sample by their own clock it is the mean, rounded up to whole steps, unless their
+    samples keep step with the commands.
     """
-    return max(scenario.sensor.latency_steps(scenario.physics.step_s), 1)
+    step_s = scenario.step_s
+    least, sampling = (
+        max(scenario.sensor.latency_steps(step_s), 1),
+        scenario.sensor.sampling_steps(step_s),
+    )
+    if sampling is None:
+        return least
+    if steps_per_cycle(step_s, scenario.period_s) % sampling == 0:
+        return least + (1 - least) % sampling
+    return least + sampling // 2
 
 
 def response_model(
@@ -100,10 +111,10 @@ def response_model(
         response=scenario.robot.response,
         low_pass=low_pass or scenario.filter,
         delay_cycles=delay_cycles,
-        steps=steps_per_cycle(scenario.physics.step_s, COMMAND_PERIOD_S),
+        steps=steps_per_cycle(scenario.step_s, scenario.period_s),
         age_steps=age_steps or reading_age_steps(scenario),
         channels=channels,
-        period_s=COMMAND_PERIOD_S,
+        period_s=scenario.period_s,
         shape=shape,
     )
 

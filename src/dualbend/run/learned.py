@@ -15,7 +15,6 @@ from typing import Annotated, Any, Literal
 import msgspec
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError, refusing
 from dualbend.run.arms import with_placements
 from dualbend.run.reading.json_file import file_bytes, read_json
@@ -54,7 +53,7 @@ class LearnedFile(Config):
         self.refuse_other(scenario, any_speed=True)
         with refusing("belongs_to.motion", msgspec.ValidationError):
             config = msgspec.convert(self.belongs_to.get("motion"), MotionConfig)
-        motion = nominal_motion(scenario.path, config, scenario.sheet.length_m)
+        motion = nominal_motion(scenario.path, config, scenario.sheet.length_m, scenario.period_s)
         if self.correction.shape[-1] != motion.cycles:
             raise InputError(
                 f"correction_rad has {self.correction.shape[-1]} values; the motion has "
@@ -67,6 +66,10 @@ class LearnedFile(Config):
 
         ``any_speed``: the motion may be another one.
         """
+        if self.period_s != scenario.period_s:
+            raise InputError(
+                f"period_s = {self.period_s}: must be {scenario.period_s}, the command period"
+            )
         for section, asked in belongings(scenario).items():
             if any_speed and section == "motion":
                 continue
@@ -87,10 +90,6 @@ def read_learned(path: Path) -> LearnedFile:
         if set(found.correction_rad) != set(SIDES) or len(lengths) != 1:
             raise InputError(
                 "correction_rad needs as many values for the left as for the right arm"
-            )
-        if found.period_s != COMMAND_PERIOD_S:
-            raise InputError(
-                f"period_s = {found.period_s}: must be {COMMAND_PERIOD_S}, the command period"
             )
     return found
 

@@ -10,7 +10,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.controller import Command, ControlledPath, Controller, ControllerFailed
 from dualbend.control.controller import Observation as Observed
 from dualbend.control.force_torque import WrenchReading
@@ -106,7 +105,7 @@ class Run:
             self.controller(), delay_cycles=alter.delay_cycles, mode=alter.mode
         )
         self.trace = TraceRecorder(
-            self.cycles + self.scenario.guard.after_stop_cycles,
+            self.cycles + self.scenario.after_stop_cycles,
             self.sensors.arms,
             simulation.model.nq,
             self.scenario.sheet.model.sections,
@@ -123,7 +122,11 @@ class Run:
             simulation.torque_limit,
             self.cell.arms.speed_limit,
         )
-        self._sensor_guard = SensorGuard(self.scenario.guard, [SIDES[i] for i in self.sensors.arms])
+        self._sensor_guard = SensorGuard(
+            self.scenario.guard,
+            [SIDES[i] for i in self.sensors.arms],
+            reading_cycles=self.scenario.sensor.reading_cycles(self.scenario.period_s),
+        )
         self.stopped: set[Side] = set()
         self.steered = False
         self._on_cycle = on_cycle
@@ -164,12 +167,12 @@ class Run:
 
     def _run_on(self, stop: ProtectiveStop) -> Asking[str]:
         """Run on as long after a stop as the scenario says; return all that happened, in words."""
-        data, guard = self.cell.simulation.data, self.scenario.guard
+        data = self.cell.simulation.data
         told = self._stop(stop)
         # The cycle in which an arm stops is begun: nobody commands any more in it.
         begun = True
         try:
-            for _ in range(guard.after_stop_cycles):
+            for _ in range(self.scenario.after_stop_cycles):
                 try:
                     if begun or self.stopped == set(SIDES):
                         self._coast(begun=begun)
@@ -243,7 +246,7 @@ class Run:
         seen = simulation.observe()
         refuse_warnings(simulation.data)
         trace.observe(
-            trace.rows * COMMAND_PERIOD_S,
+            trace.rows * self.scenario.period_s,
             len(task_of(self.scenario).phases) if self.stopped else phase,
             nominal,
             seen,
@@ -263,7 +266,7 @@ class Run:
     def read(self, seen: Observation) -> WrenchReading:
         """Return what the wrist sensors tell, the tools' weight taken off by measured angles."""
         axes = self.cell.believed_axes(self.sample.rotation, seen)
-        return self.sensors.read(self.sample.wrench, axes)
+        return self.sensors.read(self.sample.wrench, axes, new=self.sample.new)
 
     def _watch_grips(self) -> None:
         """Record how far the sheet has slid, and stop the task where a grip has lost it."""
@@ -291,7 +294,7 @@ class Run:
         self._sensor_guard.check(reading.clipped, reading.fresh)
         observed = Observed.of(
             reading,
-            time_s=(self.trace.rows - 1) * COMMAND_PERIOD_S,
+            time_s=(self.trace.rows - 1) * self.scenario.period_s,
             phase=phase,
             joints_rad=seen.q,
             measured=PlanarPose(self.cell.measured(seen).take(PLANAR, axis=1)),

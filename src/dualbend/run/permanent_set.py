@@ -1,7 +1,7 @@
 """What a run did to a sheet that yields: moments of its hinges, and the shape it keeps.
 
 Both follow from the recorded angles: a hinge's springs yield and slip the same whether they are
-followed at every step or every 28 ms, as long as it turns one way in between.
+followed at every step or once per cycle, as long as it turns one way in between.
 """
 
 from __future__ import annotations

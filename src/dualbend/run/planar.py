@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.controller import Controller
 from dualbend.errors import InputError
 from dualbend.run.arm_load import refuse_overload
@@ -109,7 +108,7 @@ class PlanarRun(Run):
             except InputError as error:
                 raise self._out_of_reach(cycle, error) from error
             if before >= 0:
-                self._refuse_speed(np.abs(there - q) / ((cycle - before) * COMMAND_PERIOD_S))
+                self._refuse_speed(np.abs(there - q) / ((cycle - before) * self.scenario.period_s))
             q, before = there, cycle
             poses.append(there)
         self.checked_poses = np.array(poses)

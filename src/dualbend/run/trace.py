@@ -14,7 +14,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.controller import Command
 from dualbend.control.controller import Observation as Observed
 from dualbend.control.force_torque import WrenchReading
@@ -308,7 +307,7 @@ class TraceRecorder(Trace):
 class TraceStream:
     """A trace on disk while its run goes on: what was written is there whatever ends the process.
 
-    An Arrow stream, a batch a second; :func:`read_trace` reads it, finished or not.
+    An Arrow stream, a batch every 36 rows; :func:`read_trace` reads it, finished or not.
 
     Parameters
     ----------
@@ -318,7 +317,7 @@ class TraceStream:
         Says what the stream says of its run; asked then, too.
     """
 
-    _BATCH_ROWS = round(1.0 / COMMAND_PERIOD_S)
+    _BATCH_ROWS = 36
 
     def __init__(self, path: Callable[[], Path], metadata: Callable[[], dict[str, str]]) -> None:
         self._path, self._metadata = path, metadata
@@ -327,7 +326,7 @@ class TraceStream:
         self._written = 0
 
     def update(self, trace: Trace) -> None:
-        """Write what is new, once a second of simulated time."""
+        """Write what is new, a batch at a time."""
         if trace.rows - self._written >= self._BATCH_ROWS:
             # A disk that is full does not end the run; when it has room again, nothing is missing.
             with suppress(OSError):

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.beam.time_law import ConstantSpeed, TimeLaw, TrapezoidalSpeed
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.scenario.path import PathConfig
 from dualbend.types import Config, Vector, said
 
@@ -73,27 +72,27 @@ class NominalMotion:
         return len(self.alpha_rad)
 
 
-def nominal_motion(path: PathConfig, motion: MotionConfig, length_m: float) -> NominalMotion:
-    """Return the nominal motion, one entry a command cycle of 28 ms."""
+def nominal_motion(
+    path: PathConfig, motion: MotionConfig, length_m: float, period_s: float
+) -> NominalMotion:
+    """Return the nominal motion of a sheet of ``length_m``, one entry per command period."""
     law = make_time_law(path, motion)
     counts = [
-        int(np.ceil(duration / COMMAND_PERIOD_S - 1e-9))
+        int(np.ceil(duration / period_s - 1e-9))
         for duration in (motion.settle_s, law.duration_s, motion.hold_s)
     ]
     # However short the way: the bending is a cycle at least.
     counts[1] = max(counts[1], 1)
     back = None if motion.return_rad is None else make_time_law(path, motion, back=True)
     if back is not None:
-        counts += [max(int(np.ceil(back.duration_s / COMMAND_PERIOD_S - 1e-9)), 1), counts[-1]]
+        counts += [max(int(np.ceil(back.duration_s / period_s - 1e-9)), 1), counts[-1]]
     # The last phase owns the sample at its end, so that the run reaches the final angle.
     counts[-1] += 1
-    since_bending = COMMAND_PERIOD_S * np.arange(
-        -counts[0], sum(counts) - counts[0], dtype=np.float64
-    )
+    since_bending = period_s * np.arange(-counts[0], sum(counts) - counts[0], dtype=np.float64)
     alpha: Vector = law.at(since_bending)
     if back is not None:
         leaves = sum(counts[:3])
-        since_leaving = COMMAND_PERIOD_S * np.arange(sum(counts) - leaves, dtype=np.float64)
+        since_leaving = period_s * np.arange(sum(counts) - leaves, dtype=np.float64)
         alpha[leaves:] = back.at(since_leaving)
     half_distance, rise = path.make(length_m).at(alpha)
     return NominalMotion(

@@ -18,7 +18,7 @@ Every section and key that a scenario file may hold, made from the code (`dualbe
   short for `[sheet.model]` with `kind = "shell"`.
 * On the command line, `--set section.key=value` sets one key of a run.
 * Numbers are finite, and 0 or between 1e-15 and 1e15 in size. Beyond the bounds below, the loader
-  checks rules between keys (a sheet that is thin, a step that divides 28 ms) and names the key.
+  checks rules between keys (a sheet is thin, a step divides the period) and names the key.
 
 `dualbend new NAME` writes a scenario with all of this as comments; an editor checks and completes
 it with the [schema](command-line.md#the-schema).

@@ -14,8 +14,9 @@ import tomli_w
 
 from dualbend.beam import elastica
 from dualbend.beam.sheet import Sheet
+from dualbend.control.clock import default_step_s, refuse_beyond_nyquist, steps_per_cycle
 from dualbend.control.compliance.admittance import AdmittanceConfig, ComplianceConfig
-from dualbend.control.filters import FirConfig, LowPassConfig
+from dualbend.control.filters import FirConfig, LowPassConfig, refuse_filter
 from dualbend.control.force_torque import ForceTorqueConfig
 from dualbend.control.guard import GuardConfig
 from dualbend.control.learning import LearningConfig
@@ -75,6 +76,10 @@ class Scenario(Config):
 
     def __post_init__(self) -> None:
         """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""
+        steps_per_cycle(self.step_s, self.period_s)  # refuses a step that does not divide it
+        refuse_filter(self.filter, self.period_s)
+        if self.learning is not None:
+            refuse_beyond_nyquist("learning.cutoff_hz", self.learning.cutoff_hz, self.period_s)
         check_joint_counts(self.robot, self.cell, self.imperfections.robot)
         self.task.check(self.sheet, self.motion)
         if self.robot.servo.friction_estimate is not None and not self.task.moves_freely:
@@ -128,6 +133,21 @@ class Scenario(Config):
             msgspec.structs.force_setattr(
                 self, "sheet", msgspec.structs.replace(sheet, curvature_per_m=largest)
             )
+
+    @property
+    def period_s(self) -> float:
+        """The command period [s]."""
+        return self.robot.command_period_s
+
+    @property
+    def step_s(self) -> float:
+        """The physics step [s]: as given, else the longest up to 1.75 ms that divides T."""
+        return self.physics.step_s or default_step_s(self.period_s)
+
+    @property
+    def after_stop_cycles(self) -> int:
+        """Command cycles that a run goes on after a stop."""
+        return round(self.guard.after_stop_s / self.period_s)
 
     @property
     def limit_strain(self) -> float | None:

@@ -9,7 +9,7 @@ import msgspec
 
 from dualbend.arm.catalog import JOINT_COUNT, ArmName
 from dualbend.control.alter import AlterConfig
-from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponseConfig
 from dualbend.control.servo import JointServoConfig, StiffnessConfig
 from dualbend.errors import InputError
@@ -33,6 +33,9 @@ class RobotConfig(Config):
     """Both arms: the PUMA 560, or one of those that the package example-robot-data describes."""
 
     model: Annotated[ArmName, said("kind of both arms", extra={"replaces": ()})] = "puma560"
+    command_period_s: Annotated[
+        float, said("one set-point in this time, to both arms [s]", ge=1e-3, le=0.05)
+    ] = COMMAND_PERIOD_S
     left: SideConfig = SideConfig()
     right: SideConfig = SideConfig()
     response: CommandResponseConfig = CommandResponseConfig()
@@ -123,13 +126,17 @@ def _without_stiffness(table: Mapping[str, Any]) -> dict[str, Any]:
 class PhysicsConfig(Config):
     """The physics step."""
 
-    step_s: Annotated[
-        float, said("of the integrator; divides the command period of 28 ms", ge=1e-5, le=0.028)
-    ] = 0.00175
-
-    def __post_init__(self) -> None:
-        """Refuse a step that does not divide the command period."""
-        steps_per_cycle(self.step_s, COMMAND_PERIOD_S)
+    step_s: (
+        Annotated[
+            float,
+            said(
+                "of the integrator, divides the command period; none: the longest up to 1.75 ms",
+                ge=1e-5,
+                le=0.05,
+            ),
+        ]
+        | None
+    ) = None
 
 
 class ExpectConfig(Config):

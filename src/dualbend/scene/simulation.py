@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,7 +12,6 @@ import numpy as np
 from dualbend.arm import mjcf as arm
 from dualbend.arm.pair import arm_joints
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
-from dualbend.control.delay import TransportDelay
 from dualbend.scene.cell import PAD_SITE, PAD_WIDTH_M, GraspConfig, harden_holds
 from dualbend.scene.contacts import UnintendedContacts
 from dualbend.scene.sheet.model import SheetModel, StripModel
@@ -53,11 +53,13 @@ class Observation:
 class SensorSample:
     """True wrench on the arms at the wrist sensors, in their frames, delayed by the latency.
 
-    ``wrench`` (2, 6) [N, N m]; ``rotation`` (2, 3, 3) takes sensor axes to the world.
+    ``wrench`` (2, 6) [N, N m]; ``rotation`` (2, 3, 3) takes sensor axes to the world. ``new``: not
+    the sample that was told a command before.
     """
 
     wrench: Vector
     rotation: Vector
+    new: bool = True
 
 
 class Simulation:
@@ -70,10 +72,15 @@ class Simulation:
     grasp, sheet
         What the model was composed with; the strips, or the sheet's model in the compiled cell.
     latency_steps
-        Age of the sensor sample at the start of the cycle that uses it [physics steps]. The
+        Least age of the sensor sample at the start of the cycle that uses it [physics steps]. The
         youngest is one step old: the force that acts during a step is known when it is done.
+    sampling_steps
+        Between two samples of sensors that run by their own clock, from the start on [physics
+        steps]; None: one for each command, of just the least age.
     width_m
         Of the sheet, for the friction of the grips.
+    period_s
+        Of the commands.
     """
 
     def __init__(
@@ -83,10 +90,13 @@ class Simulation:
         sheet: StripConfig | SheetModel,
         latency_steps: int = 0,
         width_m: float = PAD_WIDTH_M,
+        *,
+        sampling_steps: int | None = None,
+        period_s: float = COMMAND_PERIOD_S,
     ) -> None:
         harden_holds(model)
         self.model, self.data = model, mujoco.MjData(model)
-        self.steps = steps_per_cycle(model.opt.timestep, COMMAND_PERIOD_S)
+        self.steps = steps_per_cycle(model.opt.timestep, period_s)
         self.joints = arm_joints(model)
         """Names of the arms' joints, in the order of every vector over them."""
         joints = [model.joint(name) for name in self.joints]
@@ -107,9 +117,12 @@ class Simulation:
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
         """Torques (n,) [N m] that the drives add, of joint angles and speeds (n,); None: the
         Coriolis torques of these arms, and any weight that they do not compensate by themselves."""
-        whole, within = divmod(max(latency_steps, 1) - 1, self.steps)
-        self._sample_step = self.steps - 1 - within
-        self._line = TransportDelay(whole, 2 * (6 + 9))
+        # A sample that is taken after step i, counted from 1, is one step old when that step ends.
+        self._latency = max(latency_steps, 1) - 1
+        self._sampling = sampling_steps or self.steps
+        self._first = 0 if sampling_steps else -self._latency
+        self._taken: deque[tuple[int, Vector]] = deque()
+        self._done = 0
 
     def _hold_ids(self, grasp: GraspConfig, width_m: float) -> None:
         model = self.model
@@ -148,8 +161,12 @@ class Simulation:
         mujoco.mj_forward(self.model, self.data)
         self.contacts.reset()
         sample = self._sense()
-        self._line.reset(sample)
-        return _unpack(sample)
+        self._done = 0
+        # What was sampled before is as it is now.
+        last, older = -(-self._first % self._sampling), self._latency // self._sampling + 1
+        self._taken = deque((last - k * self._sampling, sample) for k in range(older, -1, -1))
+        self._newest()
+        return _unpack(sample, new=True)
 
     def positions(
         self,
@@ -279,7 +296,7 @@ class Simulation:
         else:
             feed_forward = self.fed_forward(data.qpos[self._q], data.qvel[self.dofs])
         rows = setpoints + feed_forward / self._stiffness
-        sample, whole_s = np.empty(0), model.opt.timestep
+        whole_s = model.opt.timestep
         for step in range(self.steps):
             data.ctrl[self._drives] = rows[step]
             parts = self.parts()
@@ -290,10 +307,19 @@ class Simulation:
                 else:
                     mujoco.mj_step2(model, data)
                 self._after_step()
-            if step == self._sample_step:
-                sample = self._sense()
+            self._done += 1
+            if (self._done - self._first) % self._sampling == 0:
+                self._taken.append((self._done, self._sense()))
         model.opt.timestep = whole_s
-        return _unpack(self._line.update(sample))
+        told, _ = self._taken[0]
+        newest, sample = self._newest()
+        return _unpack(sample, new=newest != told)
+
+    def _newest(self) -> tuple[int, Vector]:
+        """Forget what is older than the newest sample that is as old as it must be; return it."""
+        while len(self._taken) > 1 and self._taken[1][0] <= self._done - self._latency:
+            self._taken.popleft()
+        return self._taken[0]
 
     def _after_step(self) -> None:
         if self.sliding is not None and self.sliding.near and self.sliding.slide():
@@ -322,8 +348,10 @@ def grip_poses(places: Vector, axes: Vector) -> Vector:
     return pose
 
 
-def _unpack(sample: Vector) -> SensorSample:
-    return SensorSample(wrench=sample[:12].reshape(2, 6), rotation=sample[12:].reshape(2, 3, 3))
+def _unpack(sample: Vector, *, new: bool) -> SensorSample:
+    return SensorSample(
+        wrench=sample[:12].reshape(2, 6), rotation=sample[12:].reshape(2, 3, 3), new=new
+    )
 
 
 def tool_mass_and_centre(model: mujoco.MjModel, side: str) -> tuple[float, Vector]:

@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError
 from dualbend.stability.margins import Margins, margins
 from dualbend.stability.mode import Mode, describe_pole
@@ -162,7 +161,7 @@ def dead_time_s(elements: LoopElements, frequency_hz: float) -> float:
     A ramp to the set-point over one period delays by one period, as its triangular pulse says.
     """
     return (
-        (elements.delay.cycles + 1) * COMMAND_PERIOD_S
+        (elements.delay.cycles + 1) * elements.response.period_s
         + elements.age_s
         + elements.low_pass.group_delay_s(frequency_hz)
     )
@@ -183,7 +182,7 @@ def delayed_loop(
     sampled = elements.axis(axis)
     compliance = sampled.static_compliance
     # Never quite 0, so that the polynomial keeps its degree.
-    lag_s = max(sampled.pole * COMMAND_PERIOD_S / (1.0 - sampled.pole), 1e-6)
+    lag_s = max(sampled.pole * elements.response.period_s / (1.0 - sampled.pole), 1e-6)
     return replace(
         base,
         b=lag_s / compliance,

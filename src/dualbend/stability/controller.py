@@ -9,7 +9,6 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.filters import LowPass
@@ -81,4 +80,4 @@ def plain_admittance(admittance: ModelAdmittance, alpha_rad: float) -> Admittanc
             axis: AxisConfig | None = plain[name]
             if axis is not None:
                 plain[name] = msgspec.structs.replace(axis, b=axis.b * by, k=axis.k * by)
-    return Admittance(AdmittanceConfig(**plain), period_s=COMMAND_PERIOD_S)
+    return Admittance(AdmittanceConfig(**plain), period_s=admittance.period_s)

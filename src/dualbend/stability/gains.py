@@ -13,7 +13,6 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import msgspec
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import (
     AdmittanceConfig,
     AxisConfig,
@@ -23,8 +22,8 @@ from dualbend.control.compliance.admittance import (
 
 Gains: TypeAlias = AdmittanceConfig | ModelAdmittanceConfig
 
-SHORTEST_LAG_S, LONGEST_LAG_S = COMMAND_PERIOD_S / 5.0, 10.0
-"""Below the first, e^(−T/τ) < 0.007: shorter makes no difference."""
+SHORTEST_LAG, LONGEST_LAG_S = 0.2, 10.0
+"""In command periods T and in seconds; e^(−T/τ) < 0.007: shorter makes no difference."""
 
 _DIGITS = 4
 
@@ -64,8 +63,11 @@ def knobs(config: Gains, end_rad: float) -> list[Knob]:
     ]
 
 
-def turned(config: Gains, knob: Knob, factor: float) -> Gains | None:
-    """Return a compliance with one number multiplied; None where that leaves its range."""
+def turned(config: Gains, knob: Knob, factor: float, period_s: float) -> Gains | None:
+    """Return a compliance with one number multiplied; None where that leaves its range.
+
+    ``period_s``: command period [s].
+    """
     part = getattr(config, knob.part)
     if knob in OF_THE_MODEL:
         value = _moved(getattr(part, knob.key), factor, *OF_THE_MODEL[knob])
@@ -73,8 +75,8 @@ def turned(config: Gains, knob: Knob, factor: float) -> Gains | None:
     elif knob.key == "compliance":
         changed = _scaled(part, 1.0 / factor, 1.0 / factor)
     else:
-        lag = _moved(part.b / part.k, factor, SHORTEST_LAG_S, LONGEST_LAG_S)
-        changed = lag and with_lag(part, lag)
+        lag = _moved(part.b / part.k, factor, SHORTEST_LAG * period_s, LONGEST_LAG_S)
+        changed = lag and with_lag(part, lag, period_s)
     return msgspec.structs.replace(config, **{knob.part: changed}) if changed else None
 
 
@@ -93,7 +95,7 @@ def softened(config: Gains, factor: float) -> Gains:
     )
 
 
-def with_lag(axis: AxisConfig, lag_s: float) -> AxisConfig:
+def with_lag(axis: AxisConfig, lag_s: float, period_s: float) -> AxisConfig:
     """Return an axis of the same static compliance with another lag b/k [s].
 
     The static compliance is 1/k in the static form and proportional to 1/(b (1 − a)),
@@ -101,7 +103,7 @@ def with_lag(axis: AxisConfig, lag_s: float) -> AxisConfig:
     """
     if axis.form == "static":
         return _scaled(axis, lag_s * axis.k / axis.b, 1.0)
-    before, after = (-math.expm1(-COMMAND_PERIOD_S / lag) for lag in (axis.b / axis.k, lag_s))
+    before, after = (-math.expm1(-period_s / lag) for lag in (axis.b / axis.k, lag_s))
     b = axis.b * before / after
     return msgspec.structs.replace(axis, b=_rounded(b), k=_rounded(b / lag_s))
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ, ComplexVector
+from dualbend.control.clock import ComplexVector
 from dualbend.control.learning import LearningConfig, LearningLaw
 from dualbend.errors import InputError, refusing
 from dualbend.mechanics.coupling import ModeName
@@ -71,7 +71,7 @@ class LearningPrediction:
         return (
             f"|Q (1 − L P)| is at most {worst:.2f}, at {frequency:.2f} Hz and {alpha:.2f} rad "
             f"(gain {self.law.config.gain:g}, lead {lead} cycles = "
-            f"{1e3 * lead * COMMAND_PERIOD_S:.0f} ms)"
+            f"{1e3 * lead * self.law.period_s:.0f} ms)"
         )
 
     def refuse_divergence(self) -> None:
@@ -95,8 +95,8 @@ def predict_learning(scenario: Scenario) -> LearningPrediction:
     path = scenario.path
     count = max(math.ceil((path.end_rad - path.start_rad) / _STEP_RAD - 1e-9), 1)
     alphas = np.linspace(path.start_rad, path.end_rad, count + 1)
-    frequencies = np.linspace(0.0, NYQUIST_HZ, _FREQUENCIES)
-    z_inverse = np.exp(-2j * np.pi * frequencies * COMMAND_PERIOD_S)
+    frequencies = np.linspace(0.0, 0.5 / scenario.period_s, _FREQUENCIES)
+    z_inverse = np.exp(-2j * np.pi * frequencies * scenario.period_s)
     plants = learning_plants(scenario, alphas, z_inverse)
     stiffness = plants[:, 0].real.mean(axis=0)
     compliance = np.linalg.inv(stiffness)
@@ -106,7 +106,7 @@ def predict_learning(scenario: Scenario) -> LearningPrediction:
             config,
             compliance,
             lead_cycles,
-            period_s=COMMAND_PERIOD_S,
+            period_s=scenario.period_s,
             ramp_cycles=_settle_cycles(scenario),
         )
         contraction = [law.contraction(z_inverse, plant) for plant in plants]
@@ -195,5 +195,7 @@ def _plant(
 
 def _settle_cycles(scenario: Scenario) -> int:
     """Return the cycles in which a correction comes in: half of those in which the arms settle."""
-    motion = nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
+    motion = nominal_motion(
+        scenario.path, scenario.motion, scenario.sheet.length_m, scenario.period_s
+    )
     return int(np.count_nonzero(motion.phase == 0)) // 2

@@ -47,7 +47,7 @@ def limit(
 ) -> str:
     """Return what keeps an axis from being more compliant than it was found, as a sentence."""
     assert not isinstance(found, NoComplianceConfig)
-    more = turned(found, Knob(axis, "compliance"), MORE)
+    more = turned(found, Knob(axis, "compliance"), MORE, scenario.period_s)
     assert more is not None
     softer = with_compliance(scenario, more)
     margin = min_margin(softer, places(softer))

@@ -9,7 +9,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S, ComplexVector, rational
+from dualbend.control.clock import ComplexVector, rational
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceAxis,
@@ -20,7 +20,7 @@ from dualbend.control.compliance.admittance import (
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.continuous import largest_stiffness, paper_loop
-from dualbend.stability.margins import FREQUENCIES_HZ, Z_INVERSE, margins
+from dualbend.stability.margins import frequency_grid, margins
 from dualbend.stability.plant.environment import environments
 from dualbend.stability.prediction import Prediction
 from dualbend.stability.sampled import LoopElements, environment_loops
@@ -102,13 +102,13 @@ def _panel(
     shown = [
         rows[i] for i in sorted({round(i) for i in np.linspace(0, len(rows) - 1, SHOWN_ANGLES)})
     ]
-    filters, sampled = _filters(config, axis, factors), {}
+    filters, sampled = _filters(config, axis, factors, scenario.period_s), {}
     at = environments(scenario, [row.alpha_rad for row in shown])
     # The stiffness, but not the mode, is that of the scenario's gains.
     for row, e in zip(shown, at, strict=True):
         loop = environment_loops(elements, e, (axis == "x", axis == "rotation"))[row.moving]
-        response = loop.wrench_response(Z_INVERSE)[:, 0, 0]
-        sampled[row.alpha_rad] = _gain_margins(response, *filters)
+        response = loop.wrench_response(frequency_grid(scenario.period_s)[1])[:, 0, 0]
+        sampled[row.alpha_rad] = _gain_margins(response, *filters, scenario.period_s)
     return Panel(
         axis=axis,
         units=gain_units(config, axis),
@@ -145,7 +145,10 @@ def gain_units(config: ComplianceConfig, axis: Literal["x", "rotation"]) -> tupl
 
 
 def _filters(
-    config: ComplianceConfig, axis: Literal["x", "rotation"], factors: tuple[Vector, Vector]
+    config: ComplianceConfig,
+    axis: Literal["x", "rotation"],
+    factors: tuple[Vector, Vector],
+    period_s: float,
 ) -> tuple[Vector, dict[int, ComplexVector]]:
     """Return the filter's factor g (n, m), and by diagonal of the map its shape 1/(1 − a z⁻¹).
 
@@ -165,25 +168,26 @@ def _filters(
             b=given.b * float(along_b[first]),
             k=given.k * float(along_k[first + diagonal]),
         )
-        filters = Admittance(
-            msgspec.structs.replace(config, **{axis: changed}), period_s=COMMAND_PERIOD_S
-        )
+        filters = Admittance(msgspec.structs.replace(config, **{axis: changed}), period_s=period_s)
         part: AdmittanceAxis = getattr(filters, axis)
         gains[rows, rows + diagonal] = part.gain * along_b[first] / along_b[rows]
-        shapes[diagonal] = rational((np.ones(1), part.transfer_function()[1]), Z_INVERSE)
+        shapes[diagonal] = rational(
+            (np.ones(1), part.transfer_function()[1]), frequency_grid(period_s)[1]
+        )
     return gains, shapes
 
 
 def _gain_margins(
-    response: ComplexVector, gains: Vector, shapes: dict[int, ComplexVector]
+    response: ComplexVector, gains: Vector, shapes: dict[int, ComplexVector], period_s: float
 ) -> Vector:
     """Return the gain margin (n, m) of the sampled loop; 1 is the boundary.
 
     With H = g/(1 − a z⁻¹), g is a factor only: one sweep for each diagonal of the map does.
     """
     n, m = gains.shape
+    frequencies, _ = frequency_grid(period_s)
     along = [
-        margins(FREQUENCIES_HZ, (response * shapes[diagonal])[:, np.newaxis], stable=True).gain
+        margins(frequencies, (response * shapes[diagonal])[:, np.newaxis], stable=True).gain
         for diagonal in range(1 - n, m)
     ]
     return np.asarray(np.array(along)[np.arange(m) - np.arange(n)[:, np.newaxis] + n - 1] / gains)

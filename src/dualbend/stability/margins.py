@@ -6,21 +6,28 @@ For one axis the locus is L itself. For two, det(I + k e^(−jφ) L) = 0 where a
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.control.clock import COMMAND_PERIOD_S, NYQUIST_HZ, ComplexVector
+from dualbend.control.clock import ComplexVector
 from dualbend.stability.sampled import SampledLoop
 from dualbend.types import Vector
 
-FREQUENCIES_HZ: Vector = np.concatenate([[0.0], np.geomspace(0.02, NYQUIST_HZ, 1500)])
-"""Where a sampled loop is evaluated; crossings are interpolated to 1e-5 of the margin."""
+_FREQUENCIES = 1500
 
-Z_INVERSE: ComplexVector = np.exp(-2j * math.pi * FREQUENCIES_HZ * COMMAND_PERIOD_S)
-"""z⁻¹ at these frequencies."""
+
+@functools.cache
+def frequency_grid(period_s: float) -> tuple[Vector, ComplexVector]:
+    """Return where a sampled loop is evaluated up to Nyquist (n,) [Hz], and z⁻¹ there.
+
+    Crossings are interpolated to 1e-5 of the margin.
+    """
+    frequencies = np.concatenate([[0.0], np.geomspace(0.02, 0.5 / period_s, _FREQUENCIES)])
+    return frequencies, np.exp(-2j * math.pi * frequencies * period_s)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,12 +53,14 @@ class Margins:
 
 def loop_margins(loop: SampledLoop, *, stable: bool) -> Margins:
     """Return the margins of a sampled loop whose verdict is known from its eigenvalues."""
-    return margins(FREQUENCIES_HZ, eigenloci(loop.open_loop(Z_INVERSE)), stable=stable)
+    frequencies, z_inverse = frequency_grid(loop.period_s)
+    return margins(frequencies, eigenloci(loop.open_loop(z_inverse)), stable=stable)
 
 
 def jitter_cycles(loop: SampledLoop) -> float:
     """Return by how many cycles a stable loop's commands may be late, in any order."""
-    return late_cycles(loop.open_loop(Z_INVERSE), Z_INVERSE)
+    _, z_inverse = frequency_grid(loop.period_s)
+    return late_cycles(loop.open_loop(z_inverse), z_inverse)
 
 
 def late_cycles(gains: ComplexVector, z_inverse: ComplexVector) -> float:
@@ -83,7 +92,8 @@ def hunting_amplitude(loop: SampledLoop, lag: float) -> float:
 
     Source: Gelb and Vander Velde, Multiple-Input Describing Functions (1968), section 2.3.
     """
-    inverse = -1.0 / loop.open_loop(Z_INVERSE[1:])[:, 0, 0]
+    _, z_inverse = frequency_grid(loop.period_s)
+    inverse = -1.0 / loop.open_loop(z_inverse[1:])[:, 0, 0]
     missing = -_between(inverse.imag, *_crossings(inverse.real - 1.0)).real
     least = float(missing.min(initial=math.inf, where=missing > 0.0))
     return 4.0 * lag / (math.pi * least)

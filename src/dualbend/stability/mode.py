@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-
-from dualbend.control.clock import COMMAND_PERIOD_S
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,22 +21,23 @@ class Mode:
     @property
     def stable(self) -> bool:
         """All eigenvalues are inside the unit circle."""
-        return self.spectral_radius < 1.0
+        return self.growth_per_s < 0.0
 
 
-def describe_mode(z: complex) -> Mode:
-    """Return what an eigenvalue of one cycle means in time."""
+def describe_mode(z: complex, period_s: float) -> Mode:
+    """Return what an eigenvalue of one cycle of ``period_s`` [s] means in time."""
     if abs(z) < 1e-12:
         return Mode(
             spectral_radius=abs(z), growth_per_s=-math.inf, frequency_hz=0.0, damping_ratio=1.0
         )
-    return describe_pole(complex(math.log(abs(z)), math.atan2(z.imag, z.real)) / COMMAND_PERIOD_S)
+    s = complex(math.log(abs(z)), math.atan2(z.imag, z.real)) / period_s
+    return replace(describe_pole(s), spectral_radius=abs(z))
 
 
 def describe_pole(s: complex) -> Mode:
     """Return what a pole [1/s] of a continuous loop means in time."""
     return Mode(
-        spectral_radius=math.exp(s.real * COMMAND_PERIOD_S),
+        spectral_radius=math.nan,
         growth_per_s=s.real,
         frequency_hz=abs(s.imag) / (2.0 * math.pi),
         damping_ratio=-s.real / abs(s) if s else 0.0,

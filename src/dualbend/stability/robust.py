@@ -189,7 +189,7 @@ def _limit(
     seeds: Sequence[int],
 ) -> str:
     """Return which imperfection keeps an axis from being more compliant, as a sentence."""
-    more = turned(found, Knob(axis, "compliance"), MORE)
+    more = turned(found, Knob(axis, "compliance"), MORE, search.scenario.period_s)
     assert more is not None
     margin = search.margin(more)
     if not margin.fulfils(search.required):

@@ -1,4 +1,4 @@
-"""The sampled admittance loop at one bending angle, as the state space of one 28 ms cycle.
+"""The sampled admittance loop at one bending angle, as the state space of one command cycle.
 
 Every element is asked for its own numbers, and they are the elements that the simulation runs:
 readings of age a → low-pass → admittance → transport delay → ramp → robot response → sheet.
@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dualbend.control.clock import COMMAND_PERIOD_S, ComplexVector, rational, steps_per_cycle
+from dualbend.control.clock import ComplexVector, rational, steps_per_cycle
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceAxis,
@@ -62,10 +62,11 @@ class LoopElements:
     @classmethod
     def from_scenario(cls, scenario: Scenario) -> LoopElements:
         """Build the elements from the configurations that the run builds them from."""
-        steps = steps_per_cycle(scenario.physics.step_s, COMMAND_PERIOD_S)
+        period_s = scenario.period_s
+        steps = steps_per_cycle(scenario.step_s, period_s)
         return cls(
-            response=CommandResponse(scenario.robot.response, 1, steps, period_s=COMMAND_PERIOD_S),
-            low_pass=LowPass(scenario.filter, 1, period_s=COMMAND_PERIOD_S),
+            response=CommandResponse(scenario.robot.response, 1, steps, period_s=period_s),
+            low_pass=LowPass(scenario.filter, 1, period_s=period_s),
             delay=TransportDelay(scenario.robot.alter.delay_cycles, 1),
             admittance=make_admittance(scenario),
             age_steps=reading_age_steps(scenario),
@@ -90,7 +91,7 @@ class LoopElements:
     @property
     def age_s(self) -> float:
         """Age of a reading [s]."""
-        return self.age_steps * COMMAND_PERIOD_S / self.response.steps
+        return self.age_steps * self.response.period_s / self.response.steps
 
     def axis(self, name: Literal["x", "rotation"]) -> AdmittanceAxis:
         """Return the filter of an axis; InputError where it is off."""
@@ -160,6 +161,7 @@ class SampledLoop:
         filters = [part for part in axes if part is not None]
         if not filters or len(filters) != len(axes):
             raise InputError("no admittance axis takes part in the loop")
+        self.period_s = elements.response.period_s
         low_pass = elements.low_pass
         self._low_pass = low_pass.transfer_function()
         if isinstance(given, ModelAdmittance):
@@ -187,7 +189,7 @@ class SampledLoop:
 
     def mode(self) -> Mode:
         """Return the dominant mode of the cycle."""
-        return describe_mode(self.closed.dominant_pole)
+        return describe_mode(self.closed.dominant_pole, self.period_s)
 
     def open_loop(self, z_inverse: ComplexVector) -> ComplexVector:
         """Return L (n, axes, axes), broken at the admittance's output; det(I + L) = 0 closes it."""

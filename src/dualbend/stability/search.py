@@ -16,7 +16,7 @@ from dualbend.control.compliance.admittance import ComplianceConfig
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.gains import Gains, knobs, softened, turned
+from dualbend.stability.gains import Gains, Knob, knobs, softened, turned
 from dualbend.stability.margins import loop_margins
 from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.sampled import LoopElements, environment_loops
@@ -148,12 +148,15 @@ class Search:
                 for knob in knobs(start, self.scenario.path.end_rad):
                     for by in (1.0 / factor, factor):
                         before = len(found)
-                        while tried := self._try(turned(found[-1].compliance, knob, by), found[-1]):
+                        while tried := self._try(self._turned(found[-1], knob, by), found[-1]):
                             found.append(tried)
                         if len(found) > before:
                             better = True
                             break
         return found[::-1]
+
+    def _turned(self, trial: Trial, knob: Knob, factor: float) -> Gains | None:
+        return turned(trial.compliance, knob, factor, self.scenario.period_s)
 
     def _first(self, compliance: Gains) -> Trial:
         """Return the start, made stiffer until it has the margins.

@@ -222,7 +222,7 @@ class Admittance:
     def __init__(
         self, config: ComplianceConfig, *, period_s: float, shape: tuple[int, ...] = ()
     ) -> None:
-        self.config = config
+        self.config, self.period_s = config, period_s
 
         def axis(name: Literal["x", "rotation"], limit: float) -> AdmittanceAxis | None:
             settings: AxisConfig | None = getattr(config, name)

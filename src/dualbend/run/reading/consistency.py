@@ -12,7 +12,6 @@ import msgspec
 import numpy as np
 
 from dualbend.arm.model import arm_model
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError, refusing
 from dualbend.run.record import RunRecord, task_of
 from dualbend.run.trace import OBSERVED, trace_columns
@@ -74,7 +73,7 @@ def columns_of(scenario: Scenario) -> dict[str, list[tuple[str, str]]]:
 def refuse_too_many(rows: int, scenario: Scenario) -> None:
     """Raise InputError where a trace has more rows than a run of the scenario has cycles."""
     cycles = task_of(scenario).part("cycles")
-    after = scenario.guard.after_stop_cycles
+    after = scenario.after_stop_cycles
     if cycles is not None and rows > (most := cycles(scenario) + after):
         raise InputError(f"has {rows} rows; a run of scenario.toml has at most {most}")
 
@@ -116,13 +115,13 @@ def _refuse_columns(run: RunRecord, wanted: list[tuple[str, str]]) -> None:
 
 
 def _refuse_rows(run: RunRecord) -> None:
-    trace = run.trace
+    trace, period_s = run.trace, run.scenario.period_s
     if not trace.rows:
         raise InputError("has no rows: the run ended before its first cycle, nothing can be shown")
     refuse_too_many(trace.rows, run.scenario)
-    late = ~(np.abs(trace["time"] - COMMAND_PERIOD_S * np.arange(trace.rows)) <= _SAME_TIME_S)
+    late = ~(np.abs(trace["time"] - period_s * np.arange(trace.rows)) <= _SAME_TIME_S)
     if late.any():
-        right = f"rows are a command period of {COMMAND_PERIOD_S:g} s apart, from 0"
+        right = f"rows are a command period of {period_s:g} s apart, from 0"
         raise InputError(f"{_first(run, 'time', late)}: {right}")
     phase = trace["phase"]
     strange = ~np.isin(phase, np.arange(len(run.phases)))
@@ -178,11 +177,11 @@ def _refuse_ending(run: RunRecord) -> None:
     if wall is not None and not run.wall_time_s > 0.0:
         raise InputError(f"metrics.wall_time = {wall.value}: must be a positive number")
     if "simulated_time" in metrics:
-        cycles = run.simulated_s / COMMAND_PERIOD_S
+        cycles = run.simulated_s / run.scenario.period_s
         if not rows - 1 - 1e-6 <= cycles <= rows + 1e-6:
             raise InputError(
                 f"metrics.simulated_time = {metrics['simulated_time'].value}: "
-                f"trace.parquet has {rows} rows of {COMMAND_PERIOD_S:g} s"
+                f"trace.parquet has {rows} rows of {run.scenario.period_s:g} s"
             )
 
 

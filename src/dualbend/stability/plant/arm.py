@@ -1,4 +1,4 @@
-"""A compliant arm: its joints, servos and tool under load, over one 28 ms cycle.
+"""A compliant arm: its joints, servos and tool under load, over one command cycle.
 
 The simulated arm follows its set-points to within what the load does to it. About a pose, with the
 moved joints q, their mass matrix M, servos (K, D), the feed-forward inertia J₀ and the grip's
@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponse
 from dualbend.stability.state_space import StateSpace
 from dualbend.types import Vector
@@ -104,7 +103,7 @@ class CompliantArm:
         if integrals:
             z += joints.integral_gain * (asked @ np.eye(axes, size) - q)
             held += joints.stiffness[:, np.newaxis] * z
-        advance = self._stepper(COMMAND_PERIOD_S / steps, asked, held)
+        advance = self._stepper(response.period_s / steps, asked, held)
         wrench = np.empty((0, size))
         for step in range(steps):
             reference = np.stack([ends[step] @ part for part in from_axis], axis=1)

@@ -27,4 +27,4 @@ def record_sheets(scenario: Scenario, sheets: Sequence[Sheet], path: Path) -> No
         for sheet in sheets
     ]
     with writing(path, "--out"):
-        write_sheets_recording(shown, scenario.name, path)
+        write_sheets_recording(shown, scenario.name, path, scenario.period_s)

@@ -14,7 +14,6 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.learning import LearningConfig, replayed
 from dualbend.errors import InputError, refusing
 from dualbend.evaluation.metrics import held_rows, versions
@@ -103,7 +102,7 @@ class Series:
             seed=at.seed,
             sheets=self.sheets,
             force_n=float(np.mean(self._forces)),
-            period_s=COMMAND_PERIOD_S,
+            period_s=at.period_s,
             belongs_to=belongings(at),
             correction_rad=dict(zip(SIDES, self.correction.tolist(), strict=True)),
         )
@@ -151,7 +150,9 @@ class Series:
 
     def _motion_of(self, number: int) -> NominalMotion:
         scenario = self.scenario_of(number)
-        return nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
+        return nominal_motion(
+            scenario.path, scenario.motion, scenario.sheet.length_m, scenario.period_s
+        )
 
     def _take(self, learned: NominalMotion, asked: NominalMotion) -> None:
         """Take the correction from one motion to another."""

@@ -15,7 +15,6 @@ import msgspec
 import mujoco
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import AxisConfig
 from dualbend.control.servo import JointServo
 from dualbend.errors import InputError, refusing
@@ -93,7 +92,7 @@ def held(
         path=path,
         # One cycle for the step: the robot's own response makes it smooth.
         motion=MotionConfig(
-            speed_rad_per_s=step / COMMAND_PERIOD_S, settle_s=SETTLE_S, hold_s=HOLD_S
+            speed_rad_per_s=step / scenario.period_s, settle_s=SETTLE_S, hold_s=HOLD_S
         ),
         compliance=compliance,
         sensor=msgspec.structs.replace(
@@ -113,14 +112,15 @@ def oscillate(scenario: Scenario, axis: SingleAxis, *, friction: bool = True) ->
     name = "x" if axis == "x" else "alpha"
     side = next(side for side in SIDES if side in scenario.compliance.complying)
     limit = scenario.compliance.limit_x_m if axis == "x" else scenario.compliance.limit_rotation_rad
-    first = math.ceil((SETTLE_S + _TRANSIENT_S) / COMMAND_PERIOD_S)
+    period_s = scenario.period_s
+    first = math.ceil((SETTLE_S + _TRANSIENT_S) / period_s)
     cycles = ready.motion.cycles
     deviation = trace[f"{side}_deviation_{name}"][first:]
-    return evaluate(deviation[np.isfinite(deviation)], cycles - first, limit)
+    return evaluate(deviation[np.isfinite(deviation)], cycles - first, limit, period_s)
 
 
-def evaluate(deviation: Vector, planned: int, limit: float) -> Oscillation:
-    """Evaluate a deviation (n,) [m] or [rad], a sample every 28 ms, ``planned`` of them at most.
+def evaluate(deviation: Vector, planned: int, limit: float, period_s: float) -> Oscillation:
+    """Evaluate a deviation (n,) [m] or [rad], a sample per period, ``planned`` of them at most.
 
     What is slow is taken off first, as a polynomial of degree 7 over the whole run: it leaves less
     than 1 % of a decay in 0.3 s or slower, and of an oscillation at 0.8 Hz or faster all but its
@@ -138,7 +138,7 @@ def evaluate(deviation: Vector, planned: int, limit: float) -> Oscillation:
     It grows, too, where the second half is held by the bound, for an oscillation at the bound
     grows no further; and where the run ended before it was planned to.
     """
-    window = round(WINDOW_S / COMMAND_PERIOD_S)
+    window = round(WINDOW_S / period_s)
     if deviation.size < planned or deviation.size < 4 * window:
         return Oscillation(grows=True, growth_per_s=math.inf, frequency_hz=math.nan, final=math.inf)
     parts = np.lib.stride_tricks.sliding_window_view(deviation, window)
@@ -152,12 +152,12 @@ def evaluate(deviation: Vector, planned: int, limit: float) -> Oscillation:
     # What the bound holds, and what comes near the remainder that friction keeps, tells no rate.
     telling = size < cap if grows else size > min(3.0 * final, math.sqrt(first * final))
     stop = int(np.argmin(telling)) if not telling.all() else size.size
-    times = COMMAND_PERIOD_S * np.arange(stop)
+    times = period_s * np.arange(stop)
     rate = float(np.polyfit(times, np.log(size[:stop]), 1)[0]) if stop >= window else math.nan
     return Oscillation(
         grows=grows,
         growth_per_s=rate,
-        frequency_hz=dominant_frequency(deviation[middle:]),
+        frequency_hz=dominant_frequency(deviation[middle:], period_s),
         final=final,
     )
 
@@ -167,7 +167,7 @@ def _less_slow(signal: Vector, degree: int) -> Vector:
     return signal - np.polynomial.Polynomial.fit(samples, signal, degree)(samples)
 
 
-def dominant_frequency(signal: Vector) -> float:
+def dominant_frequency(signal: Vector, period_s: float) -> float:
     """Return the frequency [Hz] of the largest line: a parabola through a padded spectrum."""
     padded = 16 * signal.size
     swing = _less_slow(signal, _SLOW_DEGREE // 2)
@@ -176,7 +176,7 @@ def dominant_frequency(signal: Vector) -> float:
     below, top, above = np.log(np.maximum(spectrum[peak - 1 : peak + 2], 1e-300))
     bend = below - 2.0 * top + above
     shift = 0.5 * (below - above) / bend if bend else 0.0
-    return float((peak + shift) / (padded * COMMAND_PERIOD_S))
+    return float((peak + shift) / (padded * period_s))
 
 
 def without_friction(scenario: Scenario) -> BendingRun:

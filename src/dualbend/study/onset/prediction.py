@@ -9,7 +9,6 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass, replace
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.mechanics.coupling import ModeName
 from dualbend.scenario.scenario import Scenario
@@ -95,7 +94,7 @@ class RayLoop:
         )
 
     def _with(self, b: float) -> LoopElements:
-        admittance = Admittance(self.held(b).compliance, period_s=COMMAND_PERIOD_S)
+        admittance = Admittance(self.held(b).compliance, period_s=self._elements.response.period_s)
         return replace(self._elements, admittance=admittance)
 
     def _loops(self, b: float) -> list[SampledLoop]:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.metrics import (
     after_stop_signals,
     common_metrics,
@@ -127,7 +126,7 @@ def phase_table(result: RunRecord) -> list[dict[str, Any]]:
             "sheet": int(sheet[first]),
             "attempt": int(attempt[first]),
             "start_s": float(trace["time"][first]),
-            "time_s": float((end - first) * COMMAND_PERIOD_S),
+            "time_s": float((end - first) * result.scenario.period_s),
             "peak_moment_nm": peak(signals["peak_moment"][first:end]),
             "peak_force_n": peak(signals["peak_force"][first:end]),
             "peak_pin_force_n": peak(signals["peak_pin_force"][first:end]),

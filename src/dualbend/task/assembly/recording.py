@@ -11,10 +11,9 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from dualbend.arm.mjcf import GRIP_SITE
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.recording.geometry import Motion, log_axes, shapes_of, sites
 from dualbend.recording.layers import TITLES, Layers, Views, gripper_view, view
-from dualbend.recording.log import FRAME_CYCLES, Colour, RecordingLog
+from dualbend.recording.log import Colour, RecordingLog
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import Trace
 from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
@@ -138,7 +137,7 @@ class AssemblyLayers(Layers):
         log.broken_line("contact_force", *((f"{a} [N]", f, look, 1.5) for a, f, look in axes))
         axes = zip("xyz", 1e3 * places(trace).T[:3], _AXIS_COLOURS, strict=True)
         nominal = ((f"{a} nominal [mm]", place, look, 1.5) for a, place, look in axes)
-        log.lines("path", *nominal, every=FRAME_CYCLES)
+        log.lines("path", *nominal, every=log.frame)
         log.lines(
             "object_deviation",
             ("x [mm]", 1e3 * trace["object_deviation_x"], _RED, 1.5),
@@ -158,7 +157,7 @@ class AssemblyLayers(Layers):
         names = [f"{i + 1} of {stack}" for i in range(len(starts))]
         colours = np.resize(np.array(_SHEET_COLOURS, dtype=np.uint32), len(names))
         log.once("sheet", rr.StateConfiguration(values=names, colors=colours))
-        end = np.array([round(1e9 * COMMAND_PERIOD_S * rows)], "timedelta64[ns]")
+        end = np.array([round(1e9 * result.scenario.period_s * rows)], "timedelta64[ns]")
         times = np.concatenate((log.times[starts], end))
         log.send("sheet", times, rr.StateChange.columns(state=[*names, ""]))
 

@@ -11,7 +11,6 @@ from functools import partial
 import msgspec
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.object import ObjectAdmittance, net_wrench
 from dualbend.control.delay import TransportDelay
 from dualbend.errors import InputError
@@ -71,7 +70,7 @@ def columns(_: Scenario) -> tuple[tuple[str, str], ...]:
 
 def cycles(scenario: Scenario) -> int:
     """Return the command cycles after which an assembly is given up."""
-    return round(longest_s(assembly_of(scenario)) / COMMAND_PERIOD_S)
+    return round(longest_s(assembly_of(scenario)) / scenario.period_s)
 
 
 def longest_s(config: AssemblyConfig) -> float:
@@ -139,7 +138,7 @@ class AssemblyRun(Run):
             path=self._path,
             touch_rad=self.plan.range.reach_rad,
             bend_speed_rad_per_s=scenario.motion.speed_rad_per_s,
-            period_s=COMMAND_PERIOD_S,
+            period_s=scenario.period_s,
             least_force_n=force_n,
             # Of both arms' mean, about the grips: the sensors' distance is the arm of a force.
             least_moment_nm=(torque_nm + told.lever_arm_m * force_n) / math.sqrt(2.0),
@@ -155,7 +154,7 @@ class AssemblyRun(Run):
         super().__init__(scenario, cell)
         down = next(at for phase, at in self.program.waypoints() if phase == "lower")
         self.program = program(yields=grip_yields(cell, self._pose(down), _place(down)))
-        self._resolution = Resolution(cell.sheet.thickness_m, scenario.physics.step_s)
+        self._resolution = Resolution(cell.sheet.thickness_m, scenario.step_s)
         self._limit_strain = limit * sheet.young_pa / cell.sheet.young_pa
         self._check_path()
         simulation, layout = cell.simulation, self.config.workplace
@@ -278,12 +277,11 @@ class AssemblyRun(Run):
 
     def begin(self, on_cycle: Callable[[int], None] | None = None) -> None:
         """Start again: the program, the compliance of the held sheet and its delay, too."""
-        compliance = self.config.compliance
-        self._admittance = (
-            None
-            if compliance is None
-            else ObjectAdmittance(compliance, BENDS, self._mobility, period_s=COMMAND_PERIOD_S)
-        )
+        compliance, period_s = self.config.compliance, self.scenario.period_s
+        self._admittance: ObjectAdmittance | None = None
+        if compliance is not None:
+            mobility = self._mobility
+            self._admittance = ObjectAdmittance(compliance, BENDS, mobility, period_s=period_s)
         self._delay = TransportDelay(self.scenario.robot.alter.delay_cycles, 3)
         self._task = self.program.begin()
         super().begin(on_cycle)

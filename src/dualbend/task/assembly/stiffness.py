@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from dualbend.beam import elastica
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.object import critical_rate
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
@@ -85,13 +84,13 @@ def grip_yields(cell: RobotCell, pose: Vector, place: Vector) -> Yields:
 def stable_rate(scenario: Scenario, response: CommandResponse) -> float:
     """Return the stiffness over damping [1/s] at which the loop of the held sheet is marginal."""
     elements = [
-        LowPass(scenario.filter, period_s=COMMAND_PERIOD_S).transfer_function(),
+        LowPass(scenario.filter, period_s=scenario.period_s).transfer_function(),
         TransportDelay(scenario.robot.alter.delay_cycles, 1).transfer_function(),
         response.transfer_function(),
     ]
-    step_s = scenario.physics.step_s
-    age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / COMMAND_PERIOD_S
-    return critical_rate(elements, age, COMMAND_PERIOD_S)
+    step_s, period_s = scenario.step_s, scenario.period_s
+    age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / period_s
+    return critical_rate(elements, age, period_s)
 
 
 def _hinges(model: mujoco.MjModel, sign: float, pinned_m: float, cell: RobotCell) -> list[int]:

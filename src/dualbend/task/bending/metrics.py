@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.metrics import (
     bending_rows,
     common_metrics,
@@ -50,7 +49,7 @@ def metrics(result: RunRecord) -> dict[str, Metric]:
     whole = sensing_column(result, "true_moment_y")
     moment, held = whole[bending], whole[held_rows(result)]
     at_bounds = result.trace["saturated"][bending] > 0.0
-    found = oscillation_of(moment, COMMAND_PERIOD_S, at_bounds)
+    found = oscillation_of(moment, scenario.period_s, at_bounds)
 
     def largest(name: str, unit: str) -> Metric:
         return Metric(peak(signals[name]), unit)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.controller import Controller
 from dualbend.control.learning import CorrectedController
 from dualbend.run.known_sheet import make_compliance
@@ -38,7 +37,9 @@ def cycles(scenario: Scenario) -> int:
 
 
 def _motion(scenario: Scenario) -> NominalMotion:
-    return nominal_motion(scenario.path, scenario.motion, scenario.sheet.length_m)
+    return nominal_motion(
+        scenario.path, scenario.motion, scenario.sheet.length_m, scenario.period_s
+    )
 
 
 class BendingRun(PlanarRun):
@@ -67,7 +68,7 @@ class BendingRun(PlanarRun):
         plain = super().controller()
         if self._correction is None:
             return plain
-        return CorrectedController(plain, self._correction, period_s=COMMAND_PERIOD_S)
+        return CorrectedController(plain, self._correction, period_s=self.scenario.period_s)
 
     def start(self) -> SensorSample:
         """Put the cell at rest in its start; the jaws close on the sheet where they are."""

@@ -10,7 +10,6 @@ from scipy import optimize, signal
 from dualbend.arm import mjcf as arm
 from dualbend.beam import elastica
 from dualbend.beam.sheet import GRAVITY_M_PER_S2
-from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponseConfig
 from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.mechanics.jacobian import PLANE, site_jacobian
@@ -76,14 +75,14 @@ class HeldCell:
         return self.command(self.pose, _REST_CYCLES)[-1]
 
 
-def fit_response(position: Vector, start: float) -> tuple[float, float]:
+def fit_response(position: Vector, start: float, period_s: float) -> tuple[float, float]:
     """Identify ω_n [rad/s] and ξ from a step response, one sample a cycle from the command on (n,).
 
     Least squares of y = start + A g(t): g is the answer of ω_n² / (s² + 2ξω_n s + ω_n²) to a ramp
     from 0 to 1 over the first cycle, which is what the interpolation makes of a step.
     """
-    times = COMMAND_PERIOD_S * np.arange(len(position))
-    ramp = np.minimum(times / COMMAND_PERIOD_S, 1.0)
+    times = period_s * np.arange(len(position))
+    ramp = np.minimum(times / period_s, 1.0)
 
     def residual(p: Vector) -> Vector:
         omega, ratio, height = p
@@ -107,7 +106,8 @@ def identify_response(
     target[direction] += DIRECTIONS[direction][1]
     seen = cell.command(target, _STEP_CYCLES)
     position = np.array([look.grip[0, _GRIP_PLANE[direction]] for look in seen])
-    return *fit_response(position, float(before)), cell.scenario.robot.response
+    scenario = cell.scenario
+    return *fit_response(position, float(before), scenario.period_s), scenario.robot.response
 
 
 def response_rows(settings: Sequence[str] = ()) -> Iterator[Row]:
