@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import AxisConfig
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.servo import JointServo
 from dualbend.errors import InputError, refusing
 from dualbend.scenario.motion import MotionConfig
