@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
 THEORY = sorted(DOCS.glob("theory-*.md"))
-WITH_EXAMPLES = ("tutorial", "results", "api", "ci")
+WITH_EXAMPLES = ("tutorial", "results", "api", "ci", "your-controller")
 
 SHORT = (
     "path.end_rad=0.4",
@@ -126,7 +126,7 @@ def test_no_example_is_left_out() -> None:
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         unmarked = text.count("```python") - len(
-            re.findall(r"<!-- (?:run: python[^>]*|example: tested) -->\n```python", text)
+            re.findall(r"<!-- (?:run: (?:python|file)[^>]*|example: tested) -->\n```python", text)
         )
         assert unmarked == 0, f"{page.name}: a Python example without a mark is not run"
 

@@ -24,6 +24,11 @@ def own_compliance(found: dict[str, float]) -> None:
     assert found["with"] == pytest.approx(32.8e-3, abs=0.1e-3)  # golden
 
 
+def own_admittance(found: dict[str, float]) -> None:
+    assert found["difference"] == 0.0  # exact: the same products in the same order
+    assert found["own"] == found["built_in"] == pytest.approx(0.614, abs=1e-3)  # golden
+
+
 def own_arm(found: dict[str, float]) -> None:
     assert found["distance_m"] == 1.076  # golden: the table of docs/arms.md
     assert found["peak_moment_nm"] == pytest.approx(42.8e-3, abs=0.1e-3)  # golden
@@ -47,7 +52,9 @@ def own_learner(found: dict[str, float]) -> None:
 
 CHECKS: dict[str, Callable[[Any], None]] = {
     check.__name__: check
-    for check in (own_path, own_compliance, own_arm, own_task, own_loop, own_learner)
+    for check in (
+        *(own_path, own_compliance, own_admittance, own_arm, own_task, own_loop, own_learner),
+    )
 }
 
 

@@ -1,4 +1,4 @@
-"""What the package knows by name and users may add to: the tasks.
+"""What the package knows by name and users may add to: the tasks, and classes that control.
 
 A task is described by one :class:`Task`. Its parts that need heavy imports (the run, the metrics,
 the report, the recording) may be given as ``"module:name"`` and are imported when they are asked
@@ -8,16 +8,25 @@ above it by name.
 
 from __future__ import annotations
 
+import difflib
+import functools
 import importlib
 import importlib.metadata
-from collections.abc import Iterator
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from dualbend.errors import InputError, brief
 
 GROUP = "dualbend.tasks"
 """Entry points of installed packages whose objects are tasks."""
+
+COMPLIANCES = "dualbend.compliances"
+"""Entry points of installed packages whose objects are classes of controllers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,3 +118,91 @@ class Tasks:
 TASKS = Tasks(
     {"bending": "dualbend.task.bending:BENDING", "assembly": "dualbend.task.assembly:ASSEMBLY"}
 )
+
+
+# --- a user's classes ------------------------------------------------------------------------
+
+_IMPORTED: dict[str, str] = {}
+"""Modules that were imported from a folder of the user's, and which."""
+
+
+@functools.cache
+def own_names() -> Mapping[str, str]:
+    """Return the controllers that installed packages bring, ``module:Class`` by name."""
+    return {p.name: p.value for p in importlib.metadata.entry_points(group=COMPLIANCES)}
+
+
+def holds(folder: Path, name: str) -> bool:
+    """Tell whether the module of ``module:Class`` is in a folder, as a file or as a package."""
+    top = name.partition(":")[0].partition(".")[0]
+    return bool(top) and ((folder / f"{top}.py").is_file() or (folder / top).is_dir())
+
+
+def own_class(name: str, folder: str | None = None) -> Callable[..., Any]:
+    """Return the class that ``module:Class``, or an entry point of `COMPLIANCES`, stands for.
+
+    A function that makes a controller will do as well. The module is looked for in the folder
+    first, then on the import path; it is run where it was not yet.
+
+    Raises InputError where there is none, or its module cannot be imported.
+    """
+    module, colon, attribute = own_names().get(name, name).partition(":")
+    if not (module and colon and attribute):
+        known = f", or one of {', '.join(own_names())}" if own_names() else ""
+        raise InputError(f'needs "module:Class"{known}')
+    found = _imported(module, folder)
+    for part in attribute.split("."):
+        if not hasattr(found, part):
+            near = difflib.get_close_matches(part, dir(found), n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise InputError(f"{module} has no {part}{hint}")
+        found = getattr(found, part)
+    calls = isinstance(found, type) and any("__call__" in vars(each) for each in found.__mro__)
+    if not callable(found) or (isinstance(found, type) and not calls):
+        what = "a class without __call__(self, observation)" if callable(found) else brief(found)
+        raise InputError(f"{attribute} is {what}: needs a class whose objects can be called")
+    made: Callable[..., Any] = found
+    return made
+
+
+def _imported(module: str, folder: str | None) -> Any:  # noqa: ANN401 - a module
+    top = module.partition(".")[0]
+    at = folder if folder is not None and holds(Path(folder), module) else None
+    if top in _IMPORTED and _IMPORTED[top] != at:
+        for name in [n for n in sys.modules if n == top or n.startswith(f"{top}.")]:
+            del sys.modules[name]
+        del _IMPORTED[top]
+    if at is not None:
+        file = getattr(sys.modules.get(top), "__file__", None)
+        if file is not None and not Path(file).resolve().is_relative_to(Path(at).resolve()):
+            raise InputError(f"another module {top} is loaded already, {file}: rename yours")
+        _IMPORTED[top] = at
+        importlib.invalidate_caches()
+    try:
+        with beside(at):
+            return importlib.import_module(module)
+    except (Exception, SystemExit) as error:
+        if isinstance(error, ModuleNotFoundError) and error.name in (module, top):
+            place = f"in {folder}" if folder is not None else "beside the scenario's file"
+            raise InputError(f"no module {error.name} {place}, nor on the import path") from error
+        raise InputError(
+            f"cannot be imported: {type(error).__name__}: {error}{raised_at(error)}"
+        ) from error
+
+
+@contextmanager
+def beside(folder: str | None) -> Iterator[None]:
+    """Let modules of a folder be imported, and nothing of it hide what others import later."""
+    path = list(sys.path)
+    if folder is not None:
+        sys.path.insert(0, folder)
+    try:
+        yield
+    finally:
+        sys.path[:] = path
+
+
+def raised_at(error: BaseException) -> str:
+    """Return file and line where an exception was raised, in parentheses."""
+    frames = traceback.extract_tb(error.__traceback__)
+    return f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""

@@ -16,9 +16,8 @@ from dualbend.control.compliance.admittance import (
     DEG_PER_RAD,
     Admittance,
     AdmittanceConfig,
-    AdmittanceForm,
-    AxisConfig,
 )
+from dualbend.control.compliance.base import AdmittanceForm, AxisConfig
 from dualbend.control.delay import TransportDelay
 from dualbend.control.response import CommandResponse, CommandResponseConfig
 from dualbend.types import Vector

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from dualbend.control.alter import AlterMode
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
+from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.compliance.pair import PairCompliance
 from dualbend.control.controller import Command, ControlledPath, ControllerFailed, Observation
 from dualbend.control.filters import LowPass, NoFilterConfig

@@ -20,9 +20,9 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceConfig,
-    AxisConfig,
     ModelAdmittanceConfig,
 )
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.object import (
     ObjectAdmittance,

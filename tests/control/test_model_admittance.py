@@ -7,11 +7,8 @@ import numpy as np
 import pytest
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import (
-    Admittance,
-    AxisConfig,
-    ModelAdmittanceConfig,
-)
+from dualbend.control.compliance.admittance import Admittance, ModelAdmittanceConfig
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.predictor import PredictorConfig, ResponseLead, ResponseModel
 from dualbend.control.compliance.reference import ReferenceConfig

@@ -9,7 +9,8 @@ import pytest
 from scipy import signal
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import AxisConfig, ModelAdmittanceConfig
+from dualbend.control.compliance.admittance import ModelAdmittanceConfig
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.predictor import (
     PredictorConfig,

@@ -13,7 +13,8 @@ from scipy import optimize
 
 from dualbend.beam.rod import planar as rod
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
+from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import peak_by_piece
 from dualbend.scenario.load import load_scenario

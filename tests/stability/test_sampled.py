@@ -10,12 +10,8 @@ from numpy.typing import NDArray
 from scipy import optimize, signal
 
 from dualbend.control.clock import COMMAND_PERIOD_S
-from dualbend.control.compliance.admittance import (
-    Admittance,
-    AdmittanceConfig,
-    AdmittanceForm,
-    AxisConfig,
-)
+from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig
+from dualbend.control.compliance.base import AdmittanceForm, AxisConfig
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import FirConfig, IirConfig, LowPass, LowPassConfig, NoFilterConfig
 from dualbend.control.response import CommandResponse, CommandResponseConfig

@@ -18,9 +18,9 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import (
     AdmittanceAxis,
     AdmittanceConfig,
-    AxisConfig,
     NoComplianceConfig,
 )
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario

@@ -109,6 +109,40 @@ def test_a_cluster_that_loses_a_worker_makes_the_local_table(
     assert (tmp_path / "dask" / TABLE).read_bytes() == (tmp_path / "local" / TABLE).read_bytes()
 
 
+@pytest.mark.slow
+def test_a_cluster_runs_a_class_that_is_beside_the_scenario(scheduler: str, tmp_path: Path) -> None:
+    """Exact: the row that a process of this machine makes."""
+    (tmp_path / "turning.py").write_text(
+        "import numpy as np\n\nclass Turn:\n"
+        "    def __init__(self, scenario, b): self.b = b\n"
+        "    def __call__(self, observation):\n"
+        "        return np.array([0, 0, 0, 0, observation.filtered.torque_nm[0, 1] / self.b, 0])\n"
+    )
+    (tmp_path / "turning.toml").write_text(
+        'extends = "fig6"\nname = "turning"\ncompliance = "turning:Turn"\n'
+    )
+    text = TEXT.replace('"fig8"', '"turning.toml"').partition("[keys]")[0]
+    (tmp_path / "s.toml").write_text(
+        f'{text}[keys]\n"compliance.options.b" = {{ values = [50.0, 100.0] }}\n'
+    )
+    with pytest.raises(InputError, match="missing required field `b`"):
+        load_sweep(tmp_path / "s.toml")
+    (tmp_path / "turning.toml").write_text(
+        'extends = "fig6"\nname = "turning"\n[compliance]\nkind = "turning:Turn"\n'
+        "options = { b = 50.0 }\n"
+    )
+    sweep = load_sweep(tmp_path / "s.toml")
+    design = make_design(sweep)
+    worker = ("worker", scheduler, "--nthreads", "1", "--no-nanny", "--no-dashboard")
+    with started(*worker, "--local-directory", str(tmp_path)):
+        rows = run_sweep(sweep, design, tmp_path / "dask", on_cluster(scheduler))
+    with threadpoolctl.threadpool_limits(1):
+        local = run_sweep(sweep, design, tmp_path / "local", in_processes(1))
+    assert [row.outcome for row in rows] == 2 * ["completed"]
+    assert rows == local
+    assert rows[0].metrics != rows[1].metrics
+
+
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "udp://127.0.0.1:1", "nowhere"])
 def test_a_scheduler_that_does_not_answer_is_one_message(
     address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -13,9 +13,8 @@ from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceAxis,
     AdmittanceConfig,
-    AdmittanceForm,
-    AxisConfig,
 )
+from dualbend.control.compliance.base import AdmittanceForm, AxisConfig
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import FirConfig, IirConfig, LowPass, LowPassConfig, NoFilterConfig
 from dualbend.control.response import CommandResponse, CommandResponseConfig

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dualbend.control.compliance.admittance import AdmittanceForm
+from dualbend.control.compliance.base import AdmittanceForm
 from dualbend.stability.continuous import k_for_every_damping, smallest_k
 from icra1995 import filter as filters
 from icra1995 import stability

@@ -27,7 +27,8 @@ _FACTOR = Number(1e-9, 1e9)
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from dualbend.control.compliance.admittance import AxisConfig, ComplianceConfig
+    from dualbend.control.compliance.admittance import ComplianceConfig
+    from dualbend.control.compliance.base import AxisConfig
     from dualbend.imperfection.config import PresetName
     from dualbend.scenario.scenario import Scenario
     from dualbend.stability.prediction import Prediction, Row
@@ -222,7 +223,9 @@ def _table(rows: Sequence[Row]) -> str:
     return Table(columns, lines).text()
 
 
-def _word(stable: bool) -> str:
+def _word(stable: bool | None) -> str:
+    if stable is None:
+        return "-"
     return "stable" if stable else "UNSTABLE"
 
 
@@ -361,9 +364,12 @@ def _show_tuning(found: Tuning, seeds: int) -> None:
 
 def _gains(config: ComplianceConfig) -> Iterator[str]:
     """Yield the gains of a compliance, a line for each part."""
+    from dualbend.scenario.toml_text import toml
     from dualbend.stability.gains import OF_THE_MODEL
     from dualbend.stability.map import gain_units
 
+    for name, value in getattr(config, "options", {}).items():
+        yield f"options.{name} = {toml(value)}"
     axes: tuple[Literal["x", "rotation"], ...] = ("x", "rotation")
     for name in axes:
         axis: AxisConfig | None = getattr(config, name)

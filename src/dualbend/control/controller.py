@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import traceback
-from pathlib import Path
 from typing import Protocol
 
 import msgspec
@@ -14,7 +12,12 @@ from dualbend.control.alter import AlterMode, PlanarPathModification, refuse_out
 from dualbend.control.delay import TransportDelay
 from dualbend.control.force_torque import WrenchReading
 from dualbend.errors import InputError
+from dualbend.registry import raised_at
 from dualbend.types import Mask, PlanarPose, Vector, Wrench
+
+AT_REST: Vector = np.zeros(4)
+"""Place (4,) of bending frames that are carried nowhere."""
+AT_REST.flags.writeable = False
 
 
 class Observation(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,6 +41,10 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
     measured, nominal
         Poses (..., 2, 3) of the grips, each in its arm's bending frame: as the joints' encoders
         tell them, and as the path has them.
+    place
+        x, y, z [m] and turn about the vertical [rad] (4,) in the world of the frames in which an
+        assembly has nominal poses, and executes deviations: the bending frames, carried with the
+        sheet. 0 where they rest, as in bending.
     """
 
     time_s: float
@@ -49,6 +56,7 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
     joints_rad: Vector
     measured: PlanarPose
     nominal: PlanarPose
+    place: Vector = AT_REST
 
     @classmethod
     def of(
@@ -60,6 +68,7 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
         joints_rad: Vector,
         measured: PlanarPose,
         nominal: PlanarPose,
+        place: Vector = AT_REST,
     ) -> Observation:
         """Return what a reading tells in the bending frames, turned by the measured slopes."""
         both = reading.grips.in_bending_frame(measured.alpha_rad)
@@ -73,10 +82,12 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
             joints_rad=joints_rad,
             measured=measured,
             nominal=nominal,
+            place=place,
         )
 
 
-_NEVER: Mask = np.zeros(1, dtype=np.bool_)
+NEVER: Mask = np.zeros(1, dtype=np.bool_)
+"""What a controller without bounds of its own has met of them."""
 
 
 class Controller(Protocol):
@@ -140,10 +151,10 @@ class ControlledPath:
         try:
             deviation = np.asarray(self.controller(observation), dtype=np.float64)
         except Exception as error:
-            raise ControllerFailed(f"{type(error).__name__}: {error}{_place(error)}") from error
-        saturated = getattr(self.controller, "saturated", _NEVER)
+            raise ControllerFailed(f"{type(error).__name__}: {error}{raised_at(error)}") from error
+        saturated = getattr(self.controller, "saturated", NEVER)
         if action is not None:
-            deviation, saturated = action, _NEVER
+            deviation, saturated = action, NEVER
         if deviation.shape != shape:
             raise ControllerFailed(f"its deviation is of shape {deviation.shape}, not {shape}")
         if not np.isfinite(deviation).all():
@@ -154,9 +165,3 @@ class ControlledPath:
             raise ControllerFailed(str(error)) from error
         pose = self._modification.compose(observation.nominal, self._delay.update(deviation))
         return Command(deviation=deviation, pose=pose, saturated=saturated)
-
-
-def _place(error: Exception) -> str:
-    """Return file and line where an exception was raised, in parentheses."""
-    frames = traceback.extract_tb(error.__traceback__)
-    return f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""

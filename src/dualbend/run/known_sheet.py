@@ -16,11 +16,13 @@ from dualbend.control.alter import AlterConfig
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance, ModelAdmittanceConfig
 from dualbend.control.compliance.model import ModelAdmittance
+from dualbend.control.compliance.own import OwnComplianceConfig, OwnController
 from dualbend.control.compliance.pair import PairCompliance
 from dualbend.control.compliance.predictor import ResponseModel
 from dualbend.control.compliance.schedule import KnownSheet
+from dualbend.control.controller import Controller
 from dualbend.control.filters import LowPassConfig
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refusing
 from dualbend.mechanics.compliance import series_stiffness
 from dualbend.mechanics.coupling import Coupling, deviation_angle, wrench_response
 from dualbend.run.arms import arm_pair, joint_stiffness, one_kind
@@ -39,11 +41,15 @@ _NEARER = np.array([3.0, 2.0, 1.4, 1.0, 0.7, 0.4, 0.2, 0.1, 0.04, 0.0, -0.02, -0
 _NEWTON_STEPS, _LARGEST_STEP_M, _ZERO_NM = 30, 2e-4, 1e-9
 
 
-def make_compliance(scenario: Scenario) -> PairCompliance:
-    """Return the scenario's own controller of both arms.
+def make_compliance(scenario: Scenario) -> Controller:
+    """Return the scenario's controller of both arms.
 
-    Raises InputError where the states of its model are not found or out of reach.
+    Raises InputError where the states of its model are not found or out of reach, or a class of the
+    user's cannot be made.
     """
+    if isinstance(scenario.compliance, OwnComplianceConfig):
+        with refusing(f"scenario {scenario.name!r}"):
+            return OwnController(scenario.compliance, scenario)
     sensing, complying = (
         [i for i, side in enumerate(SIDES) if side in sides]
         for sides in (scenario.compliance.sensing, scenario.compliance.complying)

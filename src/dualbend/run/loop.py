@@ -10,7 +10,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from dualbend.control.controller import Command, ControlledPath, Controller, ControllerFailed
+from dualbend.control.compliance.own import OwnComplianceConfig
+from dualbend.control.controller import (
+    AT_REST,
+    Command,
+    ControlledPath,
+    Controller,
+    ControllerFailed,
+)
 from dualbend.control.controller import Observation as Observed
 from dualbend.control.force_torque import WrenchReading
 from dualbend.control.guard import Guard, ProtectiveStop, SensorGuard
@@ -232,7 +239,15 @@ class Run:
     def _controlled_by(self) -> str:
         if self.steered:
             return "dualbend.Cell.step"
-        return "" if self.compliance is make_compliance else _name_of(self.compliance)
+        return "" if self.compliance is make_compliance else self._named
+
+    @property
+    def _named(self) -> str:
+        """Return what the controller is called: as the scenario does, where a class is named."""
+        config = self.scenario.compliance
+        if self.compliance is make_compliance and isinstance(config, OwnComplianceConfig):
+            return config.controller
+        return _name_of(self.compliance)
 
     @property
     def lessons(self) -> tuple[TableRow, ...]:
@@ -282,13 +297,19 @@ class Run:
                 raise TaskStopped(f"the {side} gripper has dropped the sheet")
 
     def control(
-        self, seen: Observation, phase: str, nominal: PlanarPose, reading: WrenchReading
+        self,
+        seen: Observation,
+        phase: str,
+        nominal: PlanarPose,
+        reading: WrenchReading,
+        place: Vector = AT_REST,
     ) -> Asking[tuple[Observed, Command]]:
         """Return what the controller observes and the command that it makes of it.
 
         The time that is waited for an answer from outside counts as none of the cycle's.
-        ``nominal``: of both arms (2, 3), each in its own bending frame. Raises ProtectiveStop where
-        a sensor is at its range's end, or tells nothing new, for longer than the guard allows.
+        ``nominal``: of both arms (2, 3), each in its own bending frame, which is carried to a
+        ``place`` (4,) of x, y, z [m] and a turn [rad]. Raises ProtectiveStop where a sensor is at
+        its range's end, or tells nothing new, for longer than the guard allows.
         """
         self.trace.record_reading(reading)
         self._sensor_guard.check(reading.clipped, reading.fresh)
@@ -299,6 +320,7 @@ class Run:
             joints_rad=seen.q,
             measured=PlanarPose(self.cell.measured(seen).take(PLANAR, axis=1)),
             nominal=nominal,
+            place=place,
         )
         asked = time.perf_counter()
         action = yield observed
@@ -307,8 +329,7 @@ class Run:
         try:
             return observed, self.path.command(observed, action)
         except ControllerFailed as error:
-            name, cycle = _name_of(self.compliance), self.trace.rows
-            said = shortened(f"controller {name}, cycle {cycle}: {error}")
+            said = shortened(f"controller {self._named}, cycle {self.trace.rows}: {error}")
             raise ControllerFailed(said) from error
 
     def send(

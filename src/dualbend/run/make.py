@@ -6,6 +6,7 @@ from typing import Any
 
 from dualbend.errors import InputError
 from dualbend.run.arms import shown_placements
+from dualbend.run.known_sheet import make_compliance
 from dualbend.run.loop import Run
 from dualbend.run.record import task_of
 from dualbend.scenario.scenario import Scenario
@@ -14,9 +15,12 @@ from dualbend.scenario.scenario import Scenario
 def make_run(scenario: Scenario, **parts: Any) -> Run:  # noqa: ANN401 - each task has its own
     """Return the scenario made ready to run by its task; ``parts`` replace parts of the run.
 
-    Raises InputError where the task refuses it, or where two bodies touch at its start.
+    Raises InputError where the task refuses it, its controller cannot be made, or two bodies touch
+    at its start.
     """
     run: Run = task_of(scenario).part("run")(scenario, **parts)
+    if run.compliance is make_compliance:
+        run.controller()
     run.start()
     for contact in run.cell.simulation.contacts:
         raise InputError(

@@ -204,14 +204,21 @@ def _choices(info: mi.Type | None) -> list[object]:
     return list(info.values) if isinstance(info, mi.LiteralType) else []
 
 
-def converted(data: Mapping[str, Any], struct: type[T], source: str) -> T:
-    """Return the struct that tables are; InputError says what is wrong, and with which key."""
-    refuse_absurd(data, source, ())
-    refuse_unknown(data, {"": struct}, source, ())
+def converted(
+    data: Mapping[str, Any], struct: type[T], source: str, keys: tuple[str, ...] = ()
+) -> T:
+    """Return the struct that tables are; InputError says what is wrong, and with which key.
+
+    ``keys``: where the tables stand in a file, if not at its top.
+    """
+    refuse_absurd(data, source, keys)
+    refuse_unknown(data, {"": struct}, source, keys)
     try:
         return msgspec.convert(data, struct, dec_hook=_custom)
     except msgspec.ValidationError as error:
-        raise InputError(f"{source}: {explain(data, str(error), struct)}") from error
+        text = explain(data, str(error), struct)
+        at = f"{_dotted(keys)}{'.' if ' - at `$.' in str(error) else ': '}" if keys else ""
+        raise InputError(f"{source}: {at}{text}") from error
 
 
 def _custom(wanted: type, value: object) -> object:

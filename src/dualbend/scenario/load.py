@@ -9,8 +9,10 @@ from typing import Any, TypeAlias
 
 import msgspec
 
+from dualbend.control.compliance.own import OwnComplianceConfig, option_struct
 from dualbend.errors import InputError, brief, refusing, shortened
 from dualbend.imperfection.config import with_preset
+from dualbend.registry import holds, own_names
 from dualbend.resources import scenarios_dir
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_absurd, refuse_unknown
 from dualbend.scenario.scenario import Scenario
@@ -26,7 +28,8 @@ _LARGEST_FILE, _DEEPEST, _LONGEST_CHAIN = 10**7, 20, 20
 """Bytes of a file, tables in one another, and files that extend one another: more is a mistake."""
 
 
-_IMPERFECTIONS = "imperfections"
+_IMPERFECTIONS, _COMPLIANCE = "imperfections", "compliance"
+_OWN, _CONTROLLER = "own", "controller"
 
 
 def list_scenarios() -> dict[str, Path]:
@@ -57,16 +60,26 @@ def read_scenario(name_or_file: str) -> dict[str, Any]:
 
 
 def resolve_scenario(
-    tables: Mapping[str, Any], source: str, settings: Settings = (), seed: int | None = None
+    tables: Mapping[str, Any],
+    source: str,
+    settings: Settings = (),
+    seed: int | None = None,
+    *,
+    to_run: bool = True,
 ) -> Scenario:
-    """Return the scenario of tables with settings applied; ``source`` is named in messages."""
-    data = _laid_over({}, _preset_as_table(tables))
+    """Return the scenario of tables with settings applied; ``source`` is named in messages.
+
+    ``to_run``: a class of the user's in it is imported, and its options are checked.
+    """
+    data = _laid_over({}, _short_forms(tables))
+    # A module that a setting names is in the working folder, or beside that of the scenario.
+    folders = [Path.cwd(), *_folder_of(data)]
     given: list[tuple[str, Mapping[str, Any]]] = (
         [("settings", _tables_of(settings))]
         if isinstance(settings, Mapping)
         else [(f"--set {shortened(text, 80)}", _table_of(text)) for text in settings]
     )
-    parts = [(said, *_split(_preset_as_table(table), _SCENARIO)) for said, table in given]
+    parts = [(said, *_split(_short_forms(table, *folders), _SCENARIO)) for said, table in given]
     # What replaces other keys (a new kind, material or arm) comes first, the others stay, in the
     # order given.
     for said, table in (
@@ -79,7 +92,8 @@ def resolve_scenario(
         data["seed"] = seed
     if isinstance(data.get(_IMPERFECTIONS), dict):
         data[_IMPERFECTIONS] = with_preset(data[_IMPERFECTIONS])
-    return converted(data, Scenario, source)
+    scenario = converted(data, Scenario, source)
+    return _with_options(scenario, source) if to_run else scenario
 
 
 def read_toml(path: Path, said: str = "cannot be read") -> dict[str, Any]:
@@ -110,8 +124,11 @@ def parse_toml(text: str, source: str) -> dict[str, Any]:
 
 
 def parse_scenario(text: str, source: str) -> Scenario:
-    """Return the scenario of a resolved TOML text; InputError with ``source`` where it is none."""
-    return resolve_scenario(parse_toml(text, source), source)
+    """Return the scenario of a resolved TOML text; InputError with ``source`` where it is none.
+
+    No code of a user's is run, nor need it be there: it may be of a run that is long over.
+    """
+    return resolve_scenario(parse_toml(text, source), source, to_run=False)
 
 
 def _find(name_or_file: str) -> Path:
@@ -135,7 +152,7 @@ def _find(name_or_file: str) -> Path:
 
 def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     """Return the file's table merged over the one it extends."""
-    data = _learned_from(path.parent, _preset_as_table(read_toml(path)))
+    data = _learned_from(path.parent, _short_forms(read_toml(path), path.parent))
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
     refuse_absurd(data, path.name, ())
@@ -168,12 +185,49 @@ def _learned_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:
     return {**tables, "path": {**tables["path"], "learned": str(folder / name)}}
 
 
-def _preset_as_table(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables in which ``imperfections = "typical"`` is the section that it stands for."""
-    said = tables.get(_IMPERFECTIONS)
-    if not isinstance(said, str):
-        return dict(tables)
-    return {**tables, _IMPERFECTIONS: {"preset": said}}
+def _short_forms(tables: Mapping[str, Any], *folders: Path) -> dict[str, Any]:
+    """Return tables in which what a file may say in short is the section that it stands for.
+
+    ``imperfections = "typical"`` is a preset; ``compliance.kind = "module:Class"``, or the name of
+    a controller that a package brings, a class, whose module is looked for in the folders.
+    """
+    found = dict(tables)
+    if isinstance(preset := found.get(_IMPERFECTIONS), str):
+        found[_IMPERFECTIONS] = {"preset": preset}
+    said = found.get(_COMPLIANCE)
+    table = {KIND: said} if isinstance(said, str) else dict(said) if isinstance(said, dict) else {}
+    if isinstance(kind := table.get(KIND), str) and (":" in kind or kind in own_names()):
+        table = {**table, KIND: _OWN, _CONTROLLER: kind}
+    name = table.get(_CONTROLLER)
+    if isinstance(name, str) and "folder" not in table:
+        at = next((folder.resolve() for folder in folders if holds(folder, name)), None)
+        table |= {} if at is None else {"folder": str(at)}
+    return {**found, _COMPLIANCE: table} if _CONTROLLER in table else found
+
+
+def _folder_of(tables: Mapping[str, Any]) -> list[Path]:
+    said = tables.get(_COMPLIANCE)
+    folder = said.get("folder") if isinstance(said, dict) else None
+    return [Path(folder)] if isinstance(folder, str) else []
+
+
+def _with_options(scenario: Scenario, source: str) -> Scenario:
+    """Return a scenario whose own controller's options are complete, as its class has them."""
+    config = scenario.compliance
+    if not isinstance(config, OwnComplianceConfig):
+        return scenario
+    with refusing(f"{source}: {_COMPLIANCE}.{KIND} = {brief(config.controller)}"):
+        struct = option_struct(config.made_by())
+    if struct is None:
+        return scenario
+    options = converted(config.options, struct, source, (_COMPLIANCE, "options"))
+    plain = {
+        name: value
+        for name, value in msgspec.structs.asdict(options).items()
+        if name not in config.options and isinstance(value, bool | int | float | str)
+    }
+    config = msgspec.structs.replace(config, options={**config.options, **plain})
+    return msgspec.structs.replace(scenario, compliance=config)
 
 
 def _laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -182,11 +236,15 @@ def _laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, An
 
 
 def _merge(base: Mapping[str, Any], over: Mapping[str, Any], kinds: Kinds) -> dict[str, Any]:
-    """Return the table ``over`` laid upon ``base``; one of another kind replaces it whole."""
+    """Return the table ``over`` laid upon ``base``; one of another kind replaces it whole.
+
+    So does one of another class.
+    """
     merged = dict(base)
     if has_kinds(kinds):
         kind = base.get(KIND, next(iter(kinds)))
-        if over.get(KIND, kind) != kind:
+        another = over.get(_CONTROLLER, UNSET) not in (UNSET, base.get(_CONTROLLER, UNSET))
+        if over.get(KIND, kind) != kind or another:
             merged = {}
         merged.setdefault(KIND, over.get(KIND, kind))
     fields = fields_in(kinds, merged)
@@ -217,7 +275,8 @@ def _split(table: Mapping[str, Any], kinds: Kinds) -> tuple[dict[str, Any], dict
         field = fields.get(key)
         below = field.kinds if field else {}
         short = has_kinds(below) and isinstance(value, str)
-        if short or (has_kinds(kinds) and key == KIND) or (field and field.replaces is not None):
+        names = has_kinds(kinds) and key in (KIND, _CONTROLLER)
+        if short or names or (field and field.replaces is not None):
             first[key] = value
         elif isinstance(value, dict) and value:
             for part, inner in zip((first, rest), _split(value, below), strict=True):

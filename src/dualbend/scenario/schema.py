@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from dualbend.control.compliance.own import OwnComplianceConfig
 from dualbend.imperfection.config import PRESETS
 from dualbend.scenario.explain import UNSET
 from dualbend.scenario.keys import Section, section_of, sections
@@ -25,6 +26,7 @@ Schema = dict[str, Any]
 _MOVED = ("prefixItems", "description", "default", "examples")
 _DEFINITIONS = "#/definitions/"
 _DRAFT = "http://json-schema.org/draft-07/schema#"
+_CLASS = {"type": "string", "pattern": ".:."}
 _EXTENDS = {
     "description": "a shipped scenario's name or a .toml file; this file says what differs from it",
     "type": "string",
@@ -52,6 +54,14 @@ def scenario_schema() -> Schema:
     found = {section.struct.__name__: section for section in (*sections(), section_of(LayerConfig))}
     definitions = {name: _definition(schema, found[name]) for name, schema in components.items()}
     top = definitions.pop("Scenario")
+    # A class's name is short for a section of the kind "own".
+    kind = definitions[OwnComplianceConfig.__name__]["properties"][KIND]
+    definitions[OwnComplianceConfig.__name__]["properties"][KIND] = {"anyOf": [kind, _CLASS]}
+    top["properties"]["compliance"]["anyOf"].append(_CLASS)
+    complete = _complete({"": Scenario})
+    complete["properties"]["compliance"]["anyOf"].append(
+        {"required": [KIND], "properties": {KIND: _CLASS}}
+    )
     # A preset's name alone is short for a table with it.
     short = top["properties"]["imperfections"]
     top["properties"]["imperfections"] = {"anyOf": [short, {"enum": list(PRESETS)}]}
@@ -62,7 +72,7 @@ def scenario_schema() -> Schema:
         "properties": {"extends": _EXTENDS, **top["properties"]},
         # Only a file that stands alone must be complete.
         "if": {"not": {"required": ["extends"]}},
-        "then": _complete({"": Scenario}),
+        "then": complete,
         "definitions": definitions,
     }
 

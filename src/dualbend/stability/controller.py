@@ -1,18 +1,68 @@
-"""The admittance with a model in state space, for the analysis of the loop that it closes.
+"""What a scenario's controller is to the analysis of the loop that it closes.
 
-The matrices are those of `ModelAdmittance.point` and the filters those that run, so what is
-analysed is what runs; a stream of `comply()` calls and this system agree to rounding (tested).
+The matrices of the admittance with a model are those of `ModelAdmittance.point` and the filters
+those that run, so what is analysed is what runs; a stream of `comply()` calls and this system agree
+to rounding (tested). Of a user's class it is what the object itself says of its transfer functions.
 """
 
 from __future__ import annotations
 
+import math
+
 import msgspec
 import numpy as np
 
-from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig, AxisConfig
+from dualbend.control.clock import TransferFunction
+from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.compliance.model import ModelAdmittance
+from dualbend.control.compliance.own import OwnComplianceConfig, OwnController
 from dualbend.control.filters import LowPass
+from dualbend.run.known_sheet import make_admittance
+from dualbend.scenario.scenario import Scenario
 from dualbend.stability.state_space import StateSpace, from_transfer_function, parallel, static
+
+_NEARLY_0 = 1e-7
+"""Of a denominator at z = 1: a pure damper yields until nothing pushes any more."""
+
+
+class LinearAxis:
+    """One axis of a controller of which nothing but its transfer function is known."""
+
+    def __init__(self, transfer: TransferFunction) -> None:
+        self._transfer = transfer
+
+    def transfer_function(self) -> TransferFunction:
+        """Tell H(z) in powers of z⁻¹ [m/N] or [rad/(N m)]."""
+        return self._transfer
+
+    @property
+    def static_compliance(self) -> float:
+        """Deviation per steady load H(1) [m/N] or [rad/(N m)]; very large of a pure damper."""
+        above, below = (float(np.sum(part)) for part in self._transfer)
+        return above / (below if abs(below) > _NEARLY_0 else math.copysign(_NEARLY_0, below))
+
+
+class LinearController:
+    """A controller that says by itself what it is at each bending angle, in transfer functions."""
+
+    def __init__(self, controller: OwnController) -> None:
+        self._controller = controller
+
+    def axes_at(self, alpha_rad: float) -> tuple[LinearAxis | None, LinearAxis | None]:
+        """Return the filters of x and rotation that act at a bending angle [rad]."""
+        x, rotation = (
+            None if found is None else LinearAxis(found)
+            for found in self._controller.transfer_functions(alpha_rad)
+        )
+        return x, rotation
+
+
+def analysed_controller(scenario: Scenario) -> Admittance | LinearController:
+    """Return the scenario's controller as the analysis takes it: the object that runs, or by it."""
+    if isinstance(scenario.compliance, OwnComplianceConfig):
+        return LinearController(OwnController(scenario.compliance, scenario))
+    return make_admittance(scenario)
 
 
 def controller_system(

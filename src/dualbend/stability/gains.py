@@ -9,18 +9,20 @@ are.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Literal, NamedTuple, TypeAlias
 
 import msgspec
 
 from dualbend.control.compliance.admittance import (
     AdmittanceConfig,
-    AxisConfig,
     ComplianceConfig,
     ModelAdmittanceConfig,
 )
+from dualbend.control.compliance.base import AxisConfig
+from dualbend.control.compliance.own import OwnComplianceConfig
 
-Gains: TypeAlias = AdmittanceConfig | ModelAdmittanceConfig
+Gains: TypeAlias = AdmittanceConfig | ModelAdmittanceConfig | OwnComplianceConfig
 
 SHORTEST_LAG, LONGEST_LAG_S = 0.2, 10.0
 """In command periods T and in seconds; e^(−T/τ) < 0.007: shorter makes no difference."""
@@ -29,7 +31,7 @@ _DIGITS = 4
 
 
 class Knob(NamedTuple):
-    """One number that a search changes: ``compliance`` or ``lag`` of an axis, or a model's key."""
+    """One number that a search changes: ``compliance`` or ``lag`` of an axis, a key, an option."""
 
     part: str
     key: str
@@ -55,6 +57,8 @@ def acting_axes(config: ComplianceConfig, end_rad: float) -> list[Literal["x", "
 
 def knobs(config: Gains, end_rad: float) -> list[Knob]:
     """Return what can be changed of a compliance that acts up to a bending angle."""
+    if isinstance(config, OwnComplianceConfig):
+        return [Knob("options", name) for name in config.gains]
     axes = acting_axes(config, end_rad)
     found = [Knob(name, key) for key in ("compliance", "lag") for name in axes]
     # A lead of 0 is none: there is nothing to multiply.
@@ -68,6 +72,8 @@ def turned(config: Gains, knob: Knob, factor: float, period_s: float) -> Gains |
 
     ``period_s``: command period [s].
     """
+    if isinstance(config, OwnComplianceConfig):
+        return _multiplied(config, [knob.key], factor)
     part = getattr(config, knob.part)
     if knob in OF_THE_MODEL:
         value = _moved(getattr(part, knob.key), factor, *OF_THE_MODEL[knob])
@@ -87,12 +93,24 @@ def _moved(value: float, factor: float, low: float, high: float) -> float | None
 
 
 def softened(config: Gains, factor: float) -> Gains:
-    """Return a compliance with the static compliance of both axes multiplied."""
+    """Return a compliance with the static compliance of both axes multiplied.
+
+    Of a class of the user's all gains are divided: as large as they are, it is stiff.
+    """
+    if isinstance(config, OwnComplianceConfig):
+        return _multiplied(config, config.gains, 1.0 / factor)
     parts = {name: getattr(config, name) for name in ("x", "rotation")}
     return msgspec.structs.replace(
         config,
         **{name: _scaled(p, 1.0 / factor, 1.0 / factor) for name, p in parts.items() if p},
     )
+
+
+def _multiplied(
+    config: OwnComplianceConfig, names: Iterable[str], factor: float
+) -> OwnComplianceConfig:
+    changed = {name: _rounded(config.options[name] * factor) for name in names}
+    return msgspec.structs.replace(config, options={**config.options, **changed})
 
 
 def with_lag(axis: AxisConfig, lag_s: float, period_s: float) -> AxisConfig:

@@ -18,7 +18,7 @@ from dualbend.control.compliance.admittance import ComplianceConfig, NoComplianc
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.gains import Gains, Knob, turned
+from dualbend.stability.gains import Gains, Knob, softened, turned
 from dualbend.stability.plant.environment import scenario_coupling
 from dualbend.stability.plant.pose import PosedArm
 from dualbend.stability.search import (
@@ -41,13 +41,20 @@ _REACH_PLACES, _REACH_M = 21, 5e-5
 def limit(
     scenario: Scenario,
     found: ComplianceConfig,
-    axis: Literal["x", "rotation"],
+    axis: Literal["x", "rotation"] | None,
     required: Margin,
     seeds: Sequence[int],
 ) -> str:
-    """Return what keeps an axis from being more compliant than it was found, as a sentence."""
+    """Return what keeps an axis from being more compliant than it was found, as a sentence.
+
+    None: both, of a class of the user's.
+    """
     assert not isinstance(found, NoComplianceConfig)
-    more = turned(found, Knob(axis, "compliance"), MORE, scenario.period_s)
+    more = (
+        softened(found, MORE)
+        if axis is None
+        else turned(found, Knob(axis, "compliance"), MORE, scenario.period_s)
+    )
     assert more is not None
     softer = with_compliance(scenario, more)
     margin = min_margin(softer, places(softer))
@@ -98,6 +105,8 @@ def said(margin: Margin) -> str:
 def beginning(scenario: Scenario, compliance: Gains) -> Iterator[str]:
     """Yield what of the moment is over before the compliance begins, if it does not act at once."""
     axes = [axis for axis in (compliance.x, compliance.rotation) if axis is not None]
+    if not axes:
+        return
     first = min(axis.from_alpha_rad for axis in axes)
     nothing = NoComplianceConfig(sensing=compliance.sensing)
     run = make_run(with_compliance(scenario, nothing)).run()

@@ -13,10 +13,10 @@ from dualbend.control.clock import ComplexVector, rational
 from dualbend.control.compliance.admittance import (
     Admittance,
     AdmittanceAxis,
-    AxisConfig,
     ComplianceConfig,
     si_per_unit,
 )
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.errors import InputError
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.continuous import largest_stiffness, paper_loop
@@ -73,8 +73,8 @@ def stability_map(
             )
     if scenario.compliance.modelled:
         raise InputError(
-            f"--map: scenario {scenario.name!r} has compliance beyond the paper (schedule, "
-            "reference, fusion or predictor): its loop is no point of a map in (b, k)"
+            f"--map: scenario {scenario.name!r} has compliance beyond the paper (of your own, "
+            "schedule, reference, fusion or predictor): its loop is no point of a map in (b, k)"
         )
     factors = _reach(*b_times), _reach(*k_times)
     if not prediction.rows:

@@ -11,6 +11,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from dualbend.control.compliance.admittance import Admittance
 from dualbend.mechanics.coupling import ModeName
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.continuous import delayed_loop, paper_loop
@@ -37,7 +38,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     friction of which nothing is fed forward keeps a stable loop moving, in proportion smaller where
     more is; of each axis by itself. ``paper_*``: (23), continuous without delay; ``delayed_*``:
     continuous with the dead time and the true static compliance; both of each axis by itself, the
-    worse one where axes are coupled.
+    worse one where axes are coupled; None of a controller that is not of b and k.
     """
 
     alpha_rad: float
@@ -62,9 +63,9 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     jitter_cycles: float
     hunting_x_m: float
     hunting_rotation_rad: float
-    paper_stable: bool
-    delayed_stable: bool
-    delayed_gain_margin_db: float
+    paper_stable: bool | None
+    delayed_stable: bool | None
+    delayed_gain_margin_db: float | None
 
 
 class Prediction(msgspec.Struct, frozen=True, kw_only=True):
@@ -122,12 +123,17 @@ def acting_angles(
     None, and the reason, where no axis ever acts.
     """
     names = [name for name in SINGLE_AXES if axis in (name, "coupled")]
-    parts = [part for name in names if (part := getattr(elements.admittance, name)) is not None]
-    if not scenario.compliance.complying or not parts:
+    start, end = scenario.path.start_rad, scenario.path.end_rad
+    given = elements.admittance
+    if isinstance(given, Admittance):
+        parts = [part for name in names if (part := getattr(given, name)) is not None]
+        switches = [max(part.from_alpha_rad, start) for part in parts]
+    else:
+        tried = (*np.arange(start, end, STEP_RAD).tolist(), end)
+        switches = [alpha for alpha in tried if any(elements.acting(axis, alpha))][:1]
+    if not scenario.compliance.complying or not switches:
         of = {"coupled": "", "rotation": " about rotation", "x": " along x"}[axis]
         return [], f"no compliance{of}"
-    start, end = scenario.path.start_rad, scenario.path.end_rad
-    switches = [max(part.from_alpha_rad, start) for part in parts]
     if min(switches) > end:
         first = min(switches)
         return [], f"no compliance: it acts from {first:g} rad on and the path ends at {end:g}"
@@ -147,9 +153,10 @@ def evaluate(elements: LoopElements, at: Environment, axis: AxisName) -> Row:
     every = zip(SINGLE_AXES, stiffness.tolist(), acting, strict=True)
     each = {name: k for name, k, acts in every if acts}
     plain = elements.plain(at.alpha_rad)
+    classic = each if isinstance(plain.admittance, Admittance) else {}
     delayed = [
         delayed_loop(plain, name, k, max(mode.frequency_hz, 0.1)).margins().gain_db
-        for name, k in each.items()
+        for name, k in classic.items()
     ]
     stable = all(other.stable for other in modes.values())
     behind = np.abs(at.arms[least].friction_lag()).tolist()
@@ -180,9 +187,11 @@ def evaluate(elements: LoopElements, at: Environment, axis: AxisName) -> Row:
         jitter_cycles=min(map(jitter_cycles, loops.values())) if stable else 0.0,
         hunting_x_m=hunting.get("x", 0.0),
         hunting_rotation_rad=hunting.get("rotation", 0.0),
-        paper_stable=all(paper_loop(plain, name, k).routh_stable for name, k in each.items()),
-        delayed_stable=min(delayed) > 0.0,
-        delayed_gain_margin_db=min(delayed),
+        paper_stable=all(paper_loop(plain, name, k).routh_stable for name, k in each.items())
+        if classic
+        else None,
+        delayed_stable=min(delayed) > 0.0 if delayed else None,
+        delayed_gain_margin_db=min(delayed, default=None),
     )
 
 

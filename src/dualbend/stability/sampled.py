@@ -16,21 +16,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dualbend.control.clock import ComplexVector, rational, steps_per_cycle
-from dualbend.control.compliance.admittance import (
-    Admittance,
-    AdmittanceAxis,
-    AxisConfig,
-    si_per_unit,
-)
+from dualbend.control.compliance.admittance import Admittance, AdmittanceAxis, si_per_unit
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
 from dualbend.control.response import CommandResponse
 from dualbend.errors import InputError
 from dualbend.mechanics.coupling import ModeName
-from dualbend.run.known_sheet import make_admittance, reading_age_steps
+from dualbend.run.known_sheet import reading_age_steps
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.controller import controller_system, plain_admittance
+from dualbend.stability.controller import (
+    LinearController,
+    analysed_controller,
+    controller_system,
+    plain_admittance,
+)
 from dualbend.stability.mode import Mode, describe_mode
 from dualbend.stability.plant.arm import CompliantArm
 from dualbend.stability.plant.environment import Environment
@@ -51,7 +52,7 @@ class LoopElements:
     response: CommandResponse
     low_pass: LowPass
     delay: TransportDelay
-    admittance: Admittance
+    admittance: Admittance | LinearController
     age_steps: int
 
     def __post_init__(self) -> None:
@@ -68,17 +69,16 @@ class LoopElements:
             response=CommandResponse(scenario.robot.response, 1, steps, period_s=period_s),
             low_pass=LowPass(scenario.filter, 1, period_s=period_s),
             delay=TransportDelay(scenario.robot.alter.delay_cycles, 1),
-            admittance=make_admittance(scenario),
+            admittance=analysed_controller(scenario),
             age_steps=reading_age_steps(scenario),
         )
 
     def acting(self, axis: AxisName, alpha_rad: float = math.inf) -> tuple[bool, bool]:
         """Say whether x and rotation take part: chosen, switched on, and acting at the angle."""
         chosen = (axis != "rotation", axis != "x")
-        given = (self.admittance.x, self.admittance.rotation)
+        given = self.admittance.axes_at(alpha_rad)
         x, rotation = (
-            wanted and part is not None and part.from_alpha_rad <= alpha_rad
-            for wanted, part in zip(chosen, given, strict=True)
+            wanted and part is not None for wanted, part in zip(chosen, given, strict=True)
         )
         return x, rotation
 
@@ -95,7 +95,7 @@ class LoopElements:
 
     def axis(self, name: Literal["x", "rotation"]) -> AdmittanceAxis:
         """Return the filter of an axis; InputError where it is off."""
-        part: AdmittanceAxis | None = getattr(self.admittance, name)
+        part: AdmittanceAxis | None = getattr(self.admittance, name, None)
         if part is None:
             raise InputError(f"compliance.{name} is off: nothing to analyse")
         return part
@@ -103,6 +103,7 @@ class LoopElements:
     def damping_and_stiffness(self, name: Literal["x", "rotation"]) -> tuple[float, float]:
         """Return b [N s/m] or [N m s/rad] and k [N/m] or [N m/rad] that were configured."""
         self.axis(name)
+        assert isinstance(self.admittance, Admittance)
         config = self.admittance.config
         given: AxisConfig = getattr(config, name)
         factor = si_per_unit(config.units, name)
@@ -157,7 +158,12 @@ class SampledLoop:
         if matrix.shape != (2, 2) or not np.isfinite(matrix).all():
             raise InputError(f"stiffness must be a finite (2, 2) matrix, got {matrix!r}")
         given = elements.admittance
-        axes = [a for a, wanted in zip((given.x, given.rotation), acting, strict=True) if wanted]
+        plain = isinstance(given, Admittance) and not isinstance(given, ModelAdmittance)
+        if alpha_rad is None and not plain:
+            raise InputError("a controller beyond constant gains needs alpha_rad")
+        alpha = math.inf if alpha_rad is None else alpha_rad
+        each = given.axes if isinstance(given, Admittance) else given.axes_at(alpha)
+        axes = [part for part, wanted in zip(each, acting, strict=True) if wanted]
         filters = [part for part in axes if part is not None]
         if not filters or len(filters) != len(axes):
             raise InputError("no admittance axis takes part in the loop")
@@ -165,11 +171,7 @@ class SampledLoop:
         low_pass = elements.low_pass
         self._low_pass = low_pass.transfer_function()
         if isinstance(given, ModelAdmittance):
-            if alpha_rad is None:
-                raise InputError("an admittance with a model needs alpha_rad")
-            self.admittance = controller_system(
-                given, alpha_rad, acting, _actuator(elements), low_pass
-            )
+            self.admittance = controller_system(given, alpha, acting, _actuator(elements), low_pass)
             # It reads both loads whatever complies; the deviation of an axis at rest is 0.
             acting = (True, True)
         else:

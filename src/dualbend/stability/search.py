@@ -86,7 +86,7 @@ def places(scenario: Scenario) -> list[Environment]:
     """
     start, end = scenario.path.start_rad, scenario.path.end_rad
     axes = (scenario.compliance.x, scenario.compliance.rotation)
-    switches = {max(axis.from_alpha_rad, start) for axis in axes if axis is not None}
+    switches = {max(axis.from_alpha_rad, start) for axis in axes if axis is not None} or {start}
     first = min(switches)
     count = math.ceil((end - first) / _ANGLE_STEP_RAD) + 1
     # The stiffness along x changes most just after the start.

@@ -18,15 +18,16 @@ import numpy as np
 import tomli_w
 
 from dualbend.control.compliance.admittance import (
-    AxisConfig,
     ComplianceConfig,
     ModelAdmittanceConfig,
     NoComplianceConfig,
 )
+from dualbend.control.compliance.base import AxisConfig
+from dualbend.control.compliance.own import OwnComplianceConfig
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
-from dualbend.errors import InputError, writing
+from dualbend.errors import InputError, brief, writing
 from dualbend.files import write_whole
 from dualbend.run.record import task_of
 from dualbend.scenario.scenario import Scenario, without_none
@@ -223,6 +224,10 @@ def tune(
             + limit(scenario, found.compliance, axis, required, SEARCH_SEEDS)
             for axis in acting_axes(start, scenario.path.end_rad)
         ]
+        or [
+            "all gains are limited by "
+            + limit(scenario, found.compliance, None, required, SEARCH_SEEDS)
+        ]
     )
     on_progress(1.0)
     chosen = found if better else _stays(outcomes)
@@ -262,6 +267,13 @@ def _own(scenario: Scenario) -> Gains | None:
     config, end = scenario.compliance, scenario.path.end_rad
     if not config.complying:
         raise InputError("compliance.complying = []: no arm complies, so there is nothing to tune")
+    if isinstance(config, OwnComplianceConfig):
+        if not config.gains:
+            raise InputError(
+                f"compliance.kind = {brief(config.controller)}: its attribute gains names no "
+                "option that tune may change (docs/your-controller.md)"
+            )
+        return config
     if isinstance(config, NoComplianceConfig) or not (config.x or config.rotation):
         return None
     if not acting_axes(config, end):

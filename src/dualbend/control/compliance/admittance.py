@@ -11,105 +11,23 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 
 from dualbend.control.clock import TransferFunction
+from dualbend.control.compliance.base import AxisConfig, ComplianceBase
+from dualbend.control.compliance.own import OwnComplianceConfig
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
 from dualbend.errors import InputError
-from dualbend.types import Config, Mask, PlanarPose, Reals, Side, Tagged, Vector, said
+from dualbend.types import Mask, PlanarPose, Reals, Vector, said
 
 MM_PER_M = 1e3
 DEG_PER_RAD = 180.0 / math.pi
 
-AdmittanceForm = Literal["printed", "impulse-invariant", "static"]
 
-
-class AxisConfig(Config):
-    """Damping, stiffness and discrete form of one axis.
-
-    `form`: "printed" is (15) as published, δ[n] = a δ[n−1] + F/b, which lacks the factor T of
-    impulse invariance; "impulse-invariant" has it, δ[n] = a δ[n−1] + (T/b) F; "static" has the
-    true static stiffness k, δ[n] = a δ[n−1] + ((1 − a)/k) F. `units` of the section
-    says in which units b and k are.
-    """
-
-    b: Annotated[float, said("damping [N s/mm, N m s/deg; or SI]", gt=0, le=1e9)]
-    k: Annotated[float, said("stiffness [N/mm, N m/deg; or SI]", gt=0, le=1e9)]
-    form: Annotated[
-        AdmittanceForm,
-        said("(15) as printed, with the missing T, or with the true static stiffness"),
-    ] = "printed"
-    from_alpha_rad: Annotated[
-        float, said("bending angle from which the axis acts [rad]", ge=0, le=3.15)
-    ] = 0.0
-
-
-class _Compliance(Tagged):
-    """Which arms sense and which comply; what only some kinds have is None in the others."""
-
-    sensing: Annotated[
-        tuple[Side, ...], said("arms with a force/torque sensor", min_length=1, max_length=2)
-    ] = ("left",)
-    complying: Annotated[tuple[Side, ...], said("arms that the compliance moves", max_length=2)] = (
-        "left",
-    )
-
-    def __post_init__(self) -> None:
-        """Refuse an arm that is named twice."""
-        for name, sides in (("sensing", self.sensing), ("complying", self.complying)):
-            if len(set(sides)) != len(sides):
-                raise InputError(f"{name} names an arm twice: {list(sides)}")
-
-    @property
-    def x(self) -> AxisConfig | None:
-        """The axis along x; None: off."""
-        return None
-
-    @property
-    def rotation(self) -> AxisConfig | None:
-        """The axis about y; None: off."""
-        return None
-
-    @property
-    def limit_x_m(self) -> float:
-        """The largest |δx| [m]."""
-        return 0.0
-
-    @property
-    def limit_rotation_rad(self) -> float:
-        """The largest |δα| [rad]."""
-        return 0.0
-
-    @property
-    def tare(self) -> bool:
-        """Loads count from the first reading after an axis is switched on."""
-        return False
-
-    @property
-    def units(self) -> str:
-        """In which b and k are given."""
-        return "paper"
-
-    @property
-    def reference(self) -> ReferenceConfig | None:
-        """Loads that belong to the right path; None: none do."""
-        return None
-
-    @property
-    def predictor(self) -> PredictorConfig | None:
-        """Compensation of the loop's delay; None: none."""
-        return None
-
-    @property
-    def modelled(self) -> bool:
-        """Something of it needs to know the sheet."""
-        return False
-
-
-class NoComplianceConfig(_Compliance, tag="none"):
+class NoComplianceConfig(ComplianceBase, tag="none"):
     """The arms follow their path whatever the sensors read."""
 
 
-class _TwoAxes(_Compliance):
+class _TwoAxes(ComplianceBase):
     """Which axes comply and how far; an axis that is None is off."""
 
     x: AxisConfig | None = None
@@ -155,12 +73,14 @@ class ModelAdmittanceConfig(_TwoAxes, tag="model"):
 
     @property
     def modelled(self) -> bool:
-        """Something of it needs to know the sheet."""
+        """Something of it needs to know the sheet: its loop is no point of (b, k)."""
         parts = (self.schedule, self.reference, self.fusion, self.predictor)
         return any(part is not None for part in parts)
 
 
-ComplianceConfig: TypeAlias = AdmittanceConfig | ModelAdmittanceConfig | NoComplianceConfig
+ComplianceConfig: TypeAlias = (
+    AdmittanceConfig | ModelAdmittanceConfig | OwnComplianceConfig | NoComplianceConfig
+)
 """How an arm complies with the wrench that it reads."""
 
 
@@ -249,6 +169,14 @@ class Admittance:
         self._reference = np.zeros_like(self._pole)
         self._acted: Mask = np.zeros(self._pole.shape, dtype=np.bool_)
         self.saturated: Mask = self._acted
+
+    def axes_at(self, alpha_rad: float) -> tuple[AdmittanceAxis | None, AdmittanceAxis | None]:
+        """Return the filters of x and rotation that act at a bending angle [rad]."""
+        x, rotation = (
+            part if part is not None and part.from_alpha_rad <= alpha_rad else None
+            for part in self.axes
+        )
+        return x, rotation
 
     @property
     def axes(self) -> tuple[AdmittanceAxis | None, AdmittanceAxis | None]:

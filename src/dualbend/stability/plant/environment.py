@@ -19,8 +19,9 @@ from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.errors import refusing
 from dualbend.mechanics.compliance import series_stiffness
 from dualbend.mechanics.coupling import Coupling, ModeName, deviation_angle
-from dualbend.run.known_sheet import make_admittance, zero_moment
+from dualbend.run.known_sheet import zero_moment
 from dualbend.scenario.scenario import Scenario
+from dualbend.stability.controller import analysed_controller
 from dualbend.stability.plant.arm import CompliantArm, Joints
 from dualbend.stability.plant.equilibrium import Equilibrium, find_equilibrium, sheet_mass
 from dualbend.stability.plant.pose import PosedArm
@@ -143,10 +144,10 @@ def scenario_coupling(scenario: Scenario, alpha_rad: float) -> Coupling:
 
 def _static_compliance(scenario: Scenario, alpha_rad: float) -> Vector:
     """Return δ per steady load (2, 2); 0 where an axis is off, tared or does not act yet."""
-    admittance = make_admittance(scenario)
-    axes = (admittance.x, admittance.rotation)
+    admittance = analysed_controller(scenario)
+    axes = admittance.axes_at(alpha_rad)
     tared = scenario.compliance.tare
-    acts = np.array([not tared and a is not None and a.from_alpha_rad <= alpha_rad for a in axes])
+    acts = np.array([not tared and a is not None for a in axes])
     if isinstance(admittance, ModelAdmittance):
         return acts[:, np.newaxis] * admittance.rest_compliance(alpha_rad)
     return np.diag(acts * np.array([a.static_compliance if a else 0.0 for a in axes]))

@@ -15,7 +15,7 @@ import msgspec
 import mujoco
 import numpy as np
 
-from dualbend.control.compliance.admittance import AxisConfig
+from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.servo import JointServo
 from dualbend.errors import InputError, refusing
 from dualbend.scenario.motion import MotionConfig

@@ -59,8 +59,8 @@ def onset_study(
     """
     if scenario.compliance.modelled:
         raise InputError(
-            f"--validate: scenario {scenario.name!r} has compliance beyond the paper (schedule, "
-            "reference, fusion or predictor): rays in (b, k) say nothing of it"
+            f"--validate: scenario {scenario.name!r} has compliance beyond the paper (of your own, "
+            "schedule, reference, fusion or predictor): rays in (b, k) say nothing of it"
         )
     tasks = _tasks(scenario, points)
     study = Study(

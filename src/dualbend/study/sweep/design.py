@@ -19,7 +19,7 @@ from scipy.stats import qmc
 from dualbend.errors import InputError
 from dualbend.scenario.toml_text import toml
 from dualbend.study.sweep.file import Sweep
-from dualbend.study.sweep.keys import Range, Values, drawn, known_keys
+from dualbend.study.sweep.keys import OPTION, Range, Values, drawn, known_keys
 from dualbend.types import Vector
 
 MOST_RUNS = 100_000
@@ -114,9 +114,10 @@ def saltelli(a: Vector, b: Vector) -> Vector:
 
 
 def _of_kind(name: str, values: list[Any]) -> list[Any]:
-    """Make whole numbers of a range's for a key that takes nothing else."""
-    found = known_keys()[name]
-    if found is None or found.kind != "whole number":
+    """Make whole numbers of a range's for a key that takes nothing else, or perhaps."""
+    found = known_keys().get(name)
+    whole = found is not None and found.kind == "whole number"
+    if not (whole or name.startswith(OPTION)):
         return values
     return [int(v) if isinstance(v, float) and v.is_integer() else v for v in values]
 

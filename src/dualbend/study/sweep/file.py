@@ -21,6 +21,7 @@ from dualbend.scenario.load import read_scenario, read_toml, resolve_scenario
 from dualbend.scenario.scenario import Scenario, without_none
 from dualbend.scenario.toml_text import toml
 from dualbend.study.sweep.keys import (
+    OPTION,
     Normal,
     Range,
     Spec,
@@ -193,6 +194,8 @@ def _check_key(sweep: Sweep, name: str) -> None:
             f'"random" or "sobol", not "{sweep.sample.kind}"'
         )
     known = known_keys()
+    if name.startswith(OPTION):
+        return  # each run's own class says what it takes
     if name not in known:
         refuse_renamed(name, f"{sweep.source}: [keys]")
         hint = nearest(name, known, most=3)

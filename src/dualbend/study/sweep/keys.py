@@ -150,6 +150,10 @@ def _refuse_bounds(low: float, high: float, *, positive: bool) -> None:
         raise ValueError(f"min = {low} must be above 0: it has no logarithm")
 
 
+OPTION = "compliance.options."
+"""How the name begins of what a user's class is called with: which there are, it says itself."""
+
+
 @functools.cache
 def known_keys() -> dict[str, Key | None]:
     """Return every key of a scenario by name; None of a section."""

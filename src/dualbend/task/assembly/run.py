@@ -306,11 +306,11 @@ class AssemblyRun(Run):
         self._note(goal, laid, deviation, net)
         moved = place + self._delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
         nominal = PlanarPose(np.array([[x, rise + up, alpha] for up in goal.levels]))
-        observed, command = yield from self.control(seen, PHASES[goal.phase], nominal, reading)
+        told, command = yield from self.control(seen, PHASES[goal.phase], nominal, reading, moved)
         self.grippers.drive(goal.posture.opening)
         targets = carried_targets(command.pose.coordinates, moved)
         grip = self.cell.measured(seen)[:, :3] * BENDING_TO_WORLD
-        self.send(targets, observed, command, free=goal.free)
+        self.send(targets, told, command, free=goal.free)
         self.grippers.update()
         sensed = Sensed(
             net=net,

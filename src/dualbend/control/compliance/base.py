@@ -1,0 +1,92 @@
+"""What every kind of compliance says in a scenario: which arms sense, which of them comply."""
+
+from typing import Annotated, Literal
+
+from dualbend.control.compliance.predictor import PredictorConfig
+from dualbend.control.compliance.reference import ReferenceConfig
+from dualbend.errors import InputError
+from dualbend.types import Config, Side, Tagged, said
+
+AdmittanceForm = Literal["printed", "impulse-invariant", "static"]
+
+
+class AxisConfig(Config):
+    """Damping, stiffness and discrete form of one axis.
+
+    `form`: "printed" is (15) as published, δ[n] = a δ[n−1] + F/b, which lacks the factor T of
+    impulse invariance; "impulse-invariant" has it, δ[n] = a δ[n−1] + (T/b) F; "static" has the
+    true static stiffness k, δ[n] = a δ[n−1] + ((1 − a)/k) F. `units` of the section
+    says in which units b and k are.
+    """
+
+    b: Annotated[float, said("damping [N s/mm, N m s/deg; or SI]", gt=0, le=1e9)]
+    k: Annotated[float, said("stiffness [N/mm, N m/deg; or SI]", gt=0, le=1e9)]
+    form: Annotated[
+        AdmittanceForm,
+        said("(15) as printed, with the missing T, or with the true static stiffness"),
+    ] = "printed"
+    from_alpha_rad: Annotated[
+        float, said("bending angle from which the axis acts [rad]", ge=0, le=3.15)
+    ] = 0.0
+
+
+class ComplianceBase(Tagged):
+    """Which arms sense and which comply; what only some kinds have is None in the others."""
+
+    sensing: Annotated[
+        tuple[Side, ...], said("arms with a force/torque sensor", min_length=1, max_length=2)
+    ] = ("left",)
+    complying: Annotated[tuple[Side, ...], said("arms that the compliance moves", max_length=2)] = (
+        "left",
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse an arm that is named twice."""
+        for name, sides in (("sensing", self.sensing), ("complying", self.complying)):
+            if len(set(sides)) != len(sides):
+                raise InputError(f"{name} names an arm twice: {list(sides)}")
+
+    @property
+    def x(self) -> AxisConfig | None:
+        """The axis along x; None: off."""
+        return None
+
+    @property
+    def rotation(self) -> AxisConfig | None:
+        """The axis about y; None: off."""
+        return None
+
+    @property
+    def limit_x_m(self) -> float:
+        """The largest |δx| [m]."""
+        return 0.0
+
+    @property
+    def limit_rotation_rad(self) -> float:
+        """The largest |δα| [rad]."""
+        return 0.0
+
+    @property
+    def tare(self) -> bool:
+        """Loads count from the first reading after an axis is switched on."""
+        return False
+
+    @property
+    def units(self) -> str:
+        """In which b and k are given."""
+        return "paper"
+
+    @property
+    def reference(self) -> ReferenceConfig | None:
+        """Loads that belong to the right path; None: none do."""
+        return None
+
+    @property
+    def predictor(self) -> PredictorConfig | None:
+        """Compensation of the loop's delay; None: none."""
+        return None
+
+    @property
+    def modelled(self) -> bool:
+        """It is more than constant b and k on the wrench: its loop is no point of (b, k)."""
+        return False

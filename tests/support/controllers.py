@@ -1,0 +1,76 @@
+"""Controllers of a user's own, as a scenario names them: ``support.controllers:Turn``."""
+
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+
+from dualbend import Observation, Scenario
+from dualbend.types import Vector, said
+
+
+class Still:
+    """Complies with nothing."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+
+    def __call__(self, observation: Observation) -> Vector:
+        return np.zeros((2, 6))
+
+
+class Turn:
+    """Turns the left arm with its moment, M/b, of which only that arm's deviation is returned."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        b: Annotated[float, said("damping [N m/rad]", gt=0)],
+        times: int = 1,
+    ) -> None:
+        self.b, self.times = b, times
+
+    def __call__(self, observation: Observation) -> Vector:
+        deviation = np.zeros(6)
+        deviation[4] = self.times * observation.filtered.torque_nm[0, 1] / self.b
+        return deviation
+
+
+class Fails:
+    """Does nothing in so many cycles, then returns what it is told to, or raises."""
+
+    def __init__(self, scenario: Scenario, after: int = 4, gives: Any = None) -> None:
+        self.after, self.gives, self.cycles = after, gives, 0
+
+    def __call__(self, observation: Observation) -> Any:
+        self.cycles += 1
+        if self.cycles <= self.after:
+            return np.zeros((2, 6))
+        if self.gives is None:
+            raise KeyError("gain")
+        return self.gives
+
+
+class Raises:
+    """Cannot be made."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        raise ValueError("no licence")
+
+    def __call__(self, observation: Observation) -> Vector:
+        return np.zeros((2, 6))
+
+
+class Listener(Still):
+    """Keeps what it was told."""
+
+    made: ClassVar[list["Listener"]] = []
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario)
+        self.told: list[Observation] = []
+        Listener.made.append(self)
+
+    def __call__(self, observation: Observation) -> Vector:
+        self.told.append(observation)
+        return super().__call__(observation)
