@@ -132,7 +132,7 @@ def test_a_dictionary_says_what_texts_say(tables: dict[str, Any], texts: list[st
         ({"sheet": {"width_m": {"x": 1}}}, "settings: 'width_m' is a value, not a section"),
         ({"sheet": {"width_m": object()}}, "settings: need numbers, texts, lists and tables"),
         ({3: 4}, "3 = 4: unknown key"),
-        ({"robot": "ur5"}, "robot = 'ur5': must be a section with keys: model, left, right, "),
+        ({"robot": "ur5"}, "robot = 'ur5': must be a section with keys: model, arm, left, "),
         (
             {"path": 4},
             "path = 4: must be a section, or the name of its kind: 'piecewise'",

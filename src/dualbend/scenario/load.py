@@ -14,7 +14,7 @@ from dualbend.imperfection.config import with_preset
 from dualbend.resources import scenarios_dir
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_absurd, refuse_unknown
 from dualbend.scenario.scenario import Scenario
-from dualbend.scenario.sections import without_other_arms
+from dualbend.scenario.sections import with_arm_files, without_other_arms
 from dualbend.scenario.structs import KIND, Kinds, fields_in, has_kinds
 
 Settings: TypeAlias = Sequence[str] | Mapping[str, Any]
@@ -66,7 +66,11 @@ def resolve_scenario(
         if isinstance(settings, Mapping)
         else [(f"--set {shortened(text, 80)}", _table_of(text)) for text in settings]
     )
-    parts = [(said, *_split(_preset_as_table(table), _SCENARIO)) for said, table in given]
+    here = Path()
+    parts = [
+        (said, *_split(_with_arms_from(here, _preset_as_table(table)), _SCENARIO))
+        for said, table in given
+    ]
     # What replaces other keys (a new kind, material or arm) comes first, the others stay, in the
     # order given.
     for said, table in (
@@ -135,7 +139,8 @@ def _find(name_or_file: str) -> Path:
 
 def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     """Return the file's table merged over the one it extends."""
-    data = _learned_from(path.parent, _preset_as_table(read_toml(path)))
+    data = _with_arms_from(path.parent, _preset_as_table(read_toml(path)))
+    data = _learned_from(path.parent, data)
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
     refuse_absurd(data, path.name, ())
@@ -166,6 +171,13 @@ def _learned_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(name, str) or name == UNSET:
         return tables
     return {**tables, "path": {**tables["path"], "learned": str(folder / name)}}
+
+
+def _with_arms_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:
+    """Return tables in which the arms' files are found from a folder."""
+    if "robot" not in tables:
+        return tables
+    return {**tables, "robot": with_arm_files(tables["robot"], folder)}
 
 
 def _preset_as_table(tables: Mapping[str, Any]) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from dualbend.scenario.sections import (
     ExpectConfig,
     PhysicsConfig,
     RobotConfig,
+    check_arms,
     check_joint_counts,
 )
 from dualbend.scenario.sheet import SheetConfig
@@ -75,6 +76,7 @@ class Scenario(Config):
 
     def __post_init__(self) -> None:
         """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""
+        check_arms(self.robot)
         check_joint_counts(self.robot, self.cell, self.imperfections.robot)
         self.task.check(self.sheet, self.motion)
         if self.robot.servo.friction_estimate is not None and not self.task.moves_freely:

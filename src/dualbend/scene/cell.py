@@ -16,7 +16,7 @@ from dualbend.scene.bed.config import LayoutConfig
 from dualbend.scene.bed.holes import add_holes
 from dualbend.scene.bed.mjcf import add_workplace
 from dualbend.scene.contacts import FLOOR, GRIPPING, let_arms_touch
-from dualbend.scene.mjcf import BOX, DRAWN, SITE, about_z
+from dualbend.scene.mjcf import BOX, DRAWN, SITE
 from dualbend.scene.sheet.shell import ShellConfig, add_shell
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig, add_sheet
 from dualbend.types import SIDES, Config, Side, said
@@ -40,7 +40,7 @@ class PlacementConfig(Config):
     """Where one arm stands, by hand; what is not given is as for both arms."""
 
     base_distance_m: (
-        Annotated[float, said("base axis to the mid-plane, along x_B", gt=0.3, lt=3)] | None
+        Annotated[float, said("base axis to the mid-plane, along x_B", ge=0, lt=3)] | None
     ) = None
     base_lateral_m: (
         Annotated[float, said("base axis off the bending plane, along y_B", ge=-1, le=1)] | None
@@ -50,6 +50,13 @@ class PlacementConfig(Config):
     ) = None
     base_yaw_rad: (
         Annotated[float, said("base frame about the vertical, from x_B", ge=-7, le=7)] | None
+    ) = None
+    base_roll_rad: (
+        Annotated[float, said("base frame turned about x_B, first; none: upright", ge=-3.2, le=3.2)]
+        | None
+    ) = None
+    base_pitch_rad: (
+        Annotated[float, said("then about y_B; 1.5708 on a wall behind", ge=-3.2, le=3.2)] | None
     ) = None
     home_rad: (
         Annotated[
@@ -202,11 +209,11 @@ def harden_holds(model: mujoco.MjModel) -> None:
 
 def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> None:
     """Attach one arm with its tool; every name gets the side as a prefix."""
-    origin, yaw = arms.base_pose(side)
-    frame = spec.worldbody.add_frame(pos=origin, quat=about_z(yaw))
-    model = arms.of(side).model
+    origin, quat = arms.base_pose(side)
+    frame = spec.worldbody.add_frame(pos=origin, quat=quat)
+    model, placement = arms.of(side).model, arms.of(side).placement
     spec.attach(model.spec(looks=looks), frame=frame, prefix=f"{side}_")
-    if model.placement is None and origin[2] > _PEDESTAL_FROM_M:
+    if model.placement is None and placement.upright and origin[2] > _PEDESTAL_FROM_M:
         _add_pedestal(spec.body(f"{side}_base"), float(origin[2]))
     tool = arm.load_gripper()
     # Arm and tool share a prefix; two classes of one name would not load again from the XML.
