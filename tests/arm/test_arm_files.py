@@ -19,7 +19,7 @@ from dualbend.arm.mjcf import FLANGE_SITE, GRIP_SITE, with_gripper
 from dualbend.arm.model import ArmModel, arm_model
 from dualbend.errors import InputError
 from dualbend.validation.urdf import equations_of
-from support.arm_files import MASSES, NAMES, J, Robot, link, six
+from support.arm_files import MASSES, NAMES, J, Robot, link, six, write_mjcf
 
 Array = NDArray[np.float64]
 
@@ -348,6 +348,128 @@ def test_what_a_file_lacks_is_given_by_key(tmp_path: Path) -> None:
     assert not [note for note in arm.assumed if "rotor" in note or "payload" in note]
     with pytest.raises(InputError, match="torque_limit_n_m has 7 values, the arm 6 joints"):
         loaded(lacking, tmp_path, torque_limit_n_m=(*torque, 1.0), speed_limit_rad_per_s=speed)
+
+
+SPEED = (3.0,) * 6
+
+
+def of_mjcf(folder: Path, *changes: tuple[str, str], **facts: object) -> ArmModel:
+    given = ArmFacts(**{"speed_limit_rad_per_s": SPEED, **facts})  # type: ignore[arg-type]
+    return arm_model(str(write_mjcf(folder, *changes)), given)
+
+
+MJCF_CHANGES: dict[str, tuple[tuple[str, str], ...]] = {
+    "as it is": (),
+    "no site": (('<site name="attachment_site" pos="0 0.1 0" quat="-1 1 0 0"/>', ""),),
+    "a rail": (
+        ('<body name="base" ', '<body name="foot"><body name="base" '),
+        (
+            '<inertial mass="4" ',
+            '<joint name="rail" type="slide" axis="1 0 0" range="-0.5 0.5" ref="0.1"'
+            ' actuatorfrcrange="-900 900"/><inertial mass="4" ',
+        ),
+        ('<body name="cube"', '</body><body name="cube"'),
+        ('qpos="0', 'qpos="0 0'),
+    ),
+    "inertia from shapes": (
+        ('<inertial mass="1.2" pos="0 0.1 0" diaginertia="0.003 0.003 0.002"/>', ""),
+        ('<joint name="w1" class="small"/>', '<joint name="w1"/><geom size=".05" mass="1"/>'),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MJCF_CHANGES)
+def test_an_arm_of_an_mjcf_is_what_mujoco_compiles(name: str, tmp_path: Path) -> None:
+    """Also with joints off their body's origin, references, and masses fixed beside a link."""
+    count = 7 if name == "a rail" else 6
+    arm = of_mjcf(tmp_path, *MJCF_CHANGES[name], speed_limit_rad_per_s=(1.0,) * count)
+    assert arm.file is not None
+    assert arm.file.facts.flange == ("gripper" if name == "no site" else "attachment_site")
+    model, theory = arm.spec(looks=False).compile(), equations_of(arm.file)
+    data, mass = mujoco.MjData(model), np.zeros((count, count))
+    assert (model.nu, model.nkey, model.neq, model.ntendon, model.nsensor) == (0, 0, 0, 0, 0)
+    for q in np.random.default_rng(3).uniform(*np.transpose(arm.range_rad), (5, count)):
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        place, turn = flange(model, q)
+        # Analytic.
+        np.testing.assert_allclose(
+            mass, theory.mass_matrix(q) + np.diag(arm.armature_kg_m2), atol=1e-9
+        )
+        np.testing.assert_allclose(data.qfrc_bias, theory.gravity_torque(q), atol=1e-9)
+        np.testing.assert_allclose(place, theory.flange_pose(q)[:3, 3], atol=1e-9)
+        np.testing.assert_allclose(turn, theory.flange_pose(q)[:3, :3], atol=1e-9)
+
+
+def test_an_mjcf_s_own_numbers_arrive(tmp_path: Path) -> None:
+    arm = of_mjcf(tmp_path)
+    # Its actuators' force range; times the gear; of a motor what its largest control gives.
+    assert arm.torque_limit_n_m == (150.0, 150.0, 150.0, 28.0, 50.0, 25.0)
+    assert arm.armature_kg_m2 == (0.12, 0.12, 0.12, 0.05, 0.05, 0.05)
+    assert set(arm.viscous_n_m_s_per_rad) == {0.5}
+    assert set(arm.coulomb_n_m) == {0.3}
+    np.testing.assert_allclose(arm.range_rad, [[-2.0 * math.pi, 2.0 * math.pi]] * 6)
+    with pytest.raises(InputError, match="does not say the speed limit of any joint"):
+        of_mjcf(tmp_path, speed_limit_rad_per_s=None)
+
+
+def test_an_mjcf_looks_as_it_does_in_its_file(tmp_path: Path) -> None:
+    """Its mesh, in millimetres and turned with its body, and its colour."""
+    model = of_mjcf(tmp_path).spec().compile()
+    (shown,) = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
+    np.testing.assert_allclose(model.geom_rgba[shown], [0.2, 0.3, 0.8, 1.0], atol=1e-6)
+    assert model.body(model.geom_bodyid[shown]).name == "link2"
+    vertices = model.mesh_vert + model.geom_pos[shown]
+    assert np.ptp(vertices, axis=0).max() == pytest.approx(0.4, abs=1e-6)
+    np.testing.assert_allclose(model.geom_pos[shown], [0.0, 0.0, 0.2], atol=1e-6)
+
+
+KEY = '<key name="home" qpos="0 0 0 0 0 0 0 0 1 0 0 1 0 0 0" ctrl="0 0 0 0 0 0 0"/>'
+ELBOW = '<joint name="elbow" pos="0 0 0.01"/>'
+DRIVE = '<general class="arm" name="{0}" joint="{0}"/>'
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ([("</mujoco>", "")], "cannot be read as MJCF"),
+        ([('file="upper.stl"', 'file="none.stl"')], "cannot be read as MJCF: .*none.stl"),
+        (
+            [(ELBOW, f'{ELBOW}<joint name="second" axis="1 0 0"/>'), (KEY, "")],
+            "joint 'elbow' is one of 2 of its body; needs one hinge or slide",
+        ),
+        (
+            [(ELBOW, ""), (DRIVE.format("elbow"), ""), (KEY, "")],
+            "5 joints from 'base' to 'attachment_site'",
+        ),
+        ([('joint1="fr" joint2="fl"', 'joint1="w2" joint2="w3"')], "'w2' follows 'w3'"),
+        (
+            [(DRIVE.format("lift"), ""), (KEY, "")],
+            r"the torque limit of lift: robot\.arm\.torque_limit_n_m = \[6 values",
+        ),
+    ],
+)
+def test_an_mjcf_that_is_no_arm_is_refused(
+    changes: list[tuple[str, str]], says: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=says):
+        of_mjcf(tmp_path, *changes)
+
+
+def test_an_included_file_counts(tmp_path: Path) -> None:
+    """Where a part of the arm is in another file, a change of that is a change of the arm."""
+    compiler = '<compiler angle="degree" autolimits="true" meshdir="assets"/>'
+    part = (compiler, '<include file="head.xml"/>')
+    (tmp_path / "head.xml").write_text(f"<mujoco>{compiler}</mujoco>")
+    before = of_mjcf(tmp_path, part)
+    (tmp_path / "head.xml").write_text(f"<mujoco>{compiler}<!-- new --></mujoco>")
+    assert of_mjcf(tmp_path, part).fingerprint != before.fingerprint
+
+
+def test_a_urdf_may_be_called_xml(tmp_path: Path) -> None:
+    file = six().write(tmp_path, "arm.xml")
+    assert arm_model(str(file)).count == 6
 
 
 def test_a_file_is_read_again_when_it_changed(tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import trimesh
+
 JOINT = (
     '<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
     '<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>{limit}{more}</joint>'
@@ -75,7 +77,8 @@ class Robot:
     def text(self) -> str:
         """Return the file."""
         inner = "".join([*self.links.values(), *(joint.text() for joint in self.joints)])
-        return f'<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{inner}{self.more}</robot>'
+        xacro = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+        return f'<robot name="r" {xacro}>{inner}{self.more}</robot>'
 
     def write(self, folder: Path, name: str = "arm.urdf") -> Path:
         """Write it into a folder."""
@@ -136,3 +139,106 @@ def six(first: str = "base_link") -> Robot:
         rpy="-1.5707963 0 0",
     )
     return robot.plus(["tool0"], mount)
+
+
+MJCF = """
+<mujoco model="my arm">
+  <compiler angle="degree" autolimits="true" meshdir="assets"/>
+  <option integrator="implicitfast"/>
+  <default>
+    <default class="arm">
+      <joint axis="0 1 0" range="-360 360" armature="0.12" damping="0.5" frictionloss="0.3"/>
+      <general biastype="affine" gainprm="2000" biasprm="0 -2000 -400" forcerange="-150 150"/>
+      <default class="small">
+        <joint armature="0.05"/>
+        <general forcerange="-28 28"/>
+      </default>
+      <default class="visual"><geom contype="0" conaffinity="0" group="2"/></default>
+      <default class="collision"><geom type="capsule" group="3"/></default>
+    </default>
+  </default>
+  <asset>
+    <mesh name="upper" file="upper.stl" scale="0.001 0.001 0.001"/>
+    <material name="blue" rgba="0.2 0.3 0.8 1"/>
+  </asset>
+  <worldbody>
+    <light pos="0 0 2"/>
+    <geom name="ground" type="plane" size="1 1 0.1"/>
+    <body name="base" pos="0.3 0 0.1" quat="0 0 0 -1" childclass="arm">
+      <inertial mass="4" pos="0 0 0" diaginertia="0.01 0.01 0.01"/>
+      <geom class="collision" size="0.08" fromto="0 0 0 0 0 0.1"/>
+      <body name="shoulder" pos="0 0 0.163">
+        <inertial mass="3.7" pos="0 0.01 0" diaginertia="0.011 0.012 0.013"/>
+        <joint name="pan" axis="0 0 1"/>
+        <geom class="collision" size="0.06 0.05"/>
+        <body name="upper" pos="0 0.138 0" quat="1 0 1 0">
+          <inertial mass="8.4" pos="0 0 0.2125" quat="0.9 0.1 0 0.2" diaginertia="0.13 0.13 0.02"/>
+          <joint name="lift" ref="-20"/>
+          <geom class="visual" type="mesh" mesh="upper" material="blue"/>
+          <geom class="collision" size="0.05" fromto="0 0 0 0 0 0.42"/>
+          <body name="forearm" pos="0 -0.131 0.425">
+            <geom type="capsule" size="0.04" fromto="0 0 0 0 0 0.39" mass="2.3"/>
+            <joint name="elbow" pos="0 0 0.01"/>
+            <body name="motor" pos="0 0.1 0.1">
+              <geom type="box" size="0.05 0.04 0.03" mass="1.1"/>
+            </body>
+            <body name="wrist_1" pos="0 0 0.392" quat="1 0 1 0">
+              <inertial mass="1.2" pos="0 0.1 0" diaginertia="0.003 0.003 0.002"/>
+              <joint name="w1" class="small"/>
+              <body name="wrist_2" pos="0 0.127 0">
+                <inertial mass="1.2" pos="0 0 0.1" diaginertia="0.003 0.003 0.002"/>
+                <joint name="w2" axis="0 0 1" class="small"/>
+                <body name="wrist_3" pos="0 0 0.1">
+                  <inertial mass="0.2" pos="0 0.08 0" diaginertia="1e-4 1e-4 1e-4"/>
+                  <joint name="w3" class="small"/>
+                  <site name="attachment_site" pos="0 0.1 0" quat="-1 1 0 0"/>
+                  <body name="gripper" pos="0 0.1 0">
+                    <geom type="box" size="0.05 0.05 0.02" mass="0.9"/>
+                    <body name="finger_l">
+                      <joint name="fl" type="slide" axis="1 0 0" range="0 0.04"/>
+                      <geom type="box" size="0.01 0.01 0.03" mass="0.05"/></body>
+                    <body name="finger_r">
+                      <joint name="fr" type="slide" axis="1 0 0" range="0 0.04"/>
+                      <geom type="box" size="0.01 0.01 0.03" mass="0.05"/></body>
+                  </body>
+                </body>
+              </body>
+            </body>
+          </body>
+        </body>
+      </body>
+    </body>
+    <body name="cube" pos="1 0 0"><freejoint/><geom type="box" size="0.1 0.1 0.1"/></body>
+  </worldbody>
+  <equality><joint joint1="fr" joint2="fl"/></equality>
+  <tendon>
+    <fixed name="split"><joint joint="fl" coef="0.5"/><joint joint="fr" coef="0.5"/></fixed>
+  </tendon>
+  <actuator>
+    <general class="arm" name="pan" joint="pan"/>
+    <general class="arm" name="lift" joint="lift"/>
+    <general class="arm" name="elbow" joint="elbow"/>
+    <general class="small" name="w1" joint="w1"/>
+    <motor name="w2" joint="w2" gear="50" ctrlrange="-0.5 0.5" forcerange="-1 1"/>
+    <motor name="w3" joint="w3" gear="50" ctrlrange="-0.5 0.5"/>
+    <position name="fingers" tendon="split" kp="10"/>
+  </actuator>
+  <sensor><jointpos joint="pan"/></sensor>
+  <keyframe><key name="home" qpos="0 0 0 0 0 0 0 0 1 0 0 1 0 0 0" ctrl="0 0 0 0 0 0 0"/></keyframe>
+</mujoco>
+"""
+"""An arm in the manner of collections for MuJoCo: classes, actuators, keyframe, gripper."""
+
+
+def write_mjcf(folder: Path, *changes: tuple[str, str]) -> Path:
+    """Write the MJCF with parts replaced, its mesh beside it."""
+    (folder / "assets").mkdir(parents=True, exist_ok=True)
+    box = trimesh.creation.box((60, 60, 400))
+    box.apply_translation((0, 0, 200))
+    box.export(folder / "assets" / "upper.stl")
+    text = MJCF
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    (folder / "arm.xml").write_text(text)
+    return folder / "arm.xml"

@@ -7,6 +7,7 @@ joints what the file does not hold.
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from dualbend.arm.drawn import JointLimits
 from dualbend.arm.facts import ArmFacts
 from dualbend.arm.meshes import add_shapes
 from dualbend.arm.mjcf import FLANGE_SITE
+from dualbend.arm.mjcf_file import Mjcf
 from dualbend.arm.tree import SLIDE, Chain, refuse_count
 from dualbend.arm.urdf import Urdf
 from dualbend.errors import InputError, refusing
@@ -50,6 +52,8 @@ _OUTWARD: Final = {
     (1, -1): (0.5 * np.pi, 0.0, 0.0),
 }
 """The turn that puts z where an axis of the flange and its sign are."""
+
+_INCLUDED = re.compile(rb"<include\s+file\s*=\s*[\"']([^\"']+)[\"']")
 
 _USUAL = {"torque": "10 to 300 N m", "speed": "2 to 3 rad/s"}
 
@@ -120,8 +124,13 @@ class ArmFile:
         notes = tuple(f"link {name!r} moves and has no mass: 1 mg" for name in drawn.stubs)
         return FileArm(spec=spec, chain=chain, limits=limits, notes=notes)
 
-    def _reader(self) -> Urdf:
-        return Urdf(self.file, file_bytes(self.file))
+    @property
+    def is_urdf(self) -> bool:
+        """It is a URDF, by its name or its content, and no MJCF."""
+        return self.file.suffix.lower() == ".urdf" or b"<robot" in file_bytes(self.file)
+
+    def _reader(self) -> Urdf | Mjcf:
+        return Urdf(self.file, file_bytes(self.file)) if self.is_urdf else Mjcf(self.file)
 
     def resolved(self) -> ArmFile:
         """Return the file with base, flange and the turn of its axes found.
@@ -153,8 +162,11 @@ def file_bytes(file: Path) -> bytes:
 
 
 def sha256_of(file: Path) -> str:
-    """Return the SHA-256 of an arm's file."""
-    return hashlib.sha256(file_bytes(file)).hexdigest()
+    """Return the SHA-256 of an arm's file, and of those that an MJCF includes."""
+    contents = [file_bytes(file)]
+    for name in _INCLUDED.findall(contents[0]):
+        contents.append(file_bytes(file.parent / name.decode(errors="replace")))
+    return hashlib.sha256(b"".join(contents)).hexdigest()
 
 
 def _given(limits: JointLimits, facts: ArmFacts) -> JointLimits:

@@ -129,12 +129,12 @@ def add_shapes(spec: mujoco.MjSpec, *, looks: bool) -> None:
         spec.delete(mesh)
 
 
-def _parts(mesh: mujoco.MjsMesh) -> tuple[ColouredMesh, ...]:
-    """Return the triangles of a mesh: of its file, or as they stand in the specification."""
+def _parts(mesh: mujoco.MjsMesh, rgba: tuple[float, ...] | None = None) -> tuple[ColouredMesh, ...]:
+    """Return the triangles of a mesh: of its file, or as they stand there, then of a colour."""
     if mesh.file:
         return read_mesh(Path(mesh.file))
     vertices, faces = (np.array(values).reshape(-1, 3) for values in (mesh.uservert, mesh.userface))
-    return (ColouredMesh(vertices=vertices, faces=faces, rgba=None),)
+    return (ColouredMesh(vertices=vertices, faces=faces, rgba=rgba),)
 
 
 def _corners(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> Vector:
@@ -168,7 +168,7 @@ def _add_look(
         )
         return
     mesh = spec.mesh(geom.meshname)
-    for i, part in enumerate(_parts(mesh)):
+    for i, part in enumerate(_parts(mesh, own)):
         name = f"{body.name}_{mesh.name}_{i}"
         while spec.mesh(name) is not None:  # a link may show one mesh twice
             name += "_"

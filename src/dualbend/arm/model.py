@@ -206,12 +206,18 @@ def _of_file(given: ArmFile) -> ArmModel:
 def _assumed(file: ArmFile, arm: FileArm, joints: dict[str, Any]) -> tuple[str, ...]:
     """Return what stands in for numbers that neither file nor facts hold."""
     facts, notes = file.facts, list(arm.notes)
+    kind, has = "file", "the file has none"
+    if file.file.suffix.lower() == ".urdf":
+        kind, has = "URDF", "no URDF has it"
     if not arm.limits.armature_kg_m2:
         at = f"{ROTOR_KG_M2:g} kg m² at every {'hinge' if any(arm.slides) else 'joint'}"
         at += f", {ROTOR_KG:g} kg at every slide" if any(arm.slides) else ""
-        notes.append(f"rotor inertia {at} (no URDF has it)")
+        notes.append(f"rotor inertia {at} ({has})")
+    elif not all(arm.limits.armature_kg_m2):
+        pairs = zip(arm.joint_names, arm.limits.armature_kg_m2, strict=True)
+        notes.append(f"rotor inertia of {', '.join(name for name, rotor in pairs if not rotor)}")
     if not any((*joints["viscous_n_m_s_per_rad"], *joints["coulomb_n_m"])):
-        notes.append("no friction in the joints (the URDF gives none)")
+        notes.append(f"no friction in the joints (the {kind} gives none)")
     if facts.payload_kg is None:
         notes.append("payload: the mass that the torques hold anywhere; a data sheet says less")
     if facts.reach_m is None:

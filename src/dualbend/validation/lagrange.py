@@ -7,7 +7,7 @@ without rotors. Nothing of MuJoCo is asked.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -119,3 +119,16 @@ def _turn(axis: Vector, angle: float) -> Vector:
     along = np.outer(axis, axis)
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(along + np.cos(angle) * (np.eye(3) - along) + np.sin(angle) * across)
+
+
+def joined(link: Link, mass_kg: float, centre_m: Vector, inertia_kg_m2: Vector) -> Link:
+    """Return a link with another body, given in the link's frame, as one; Steiner."""
+    total = link.mass_kg + mass_kg
+    if not total:
+        return link
+    centre = (link.mass_kg * link.centre_m + mass_kg * centre_m) / total
+    inertia = link.inertia_kg_m2 + inertia_kg_m2
+    for mass, at in ((link.mass_kg, link.centre_m), (mass_kg, centre_m)):
+        away = at - centre
+        inertia = inertia + mass * (away @ away * np.eye(3) - np.outer(away, away))
+    return replace(link, mass_kg=total, centre_m=centre, inertia_kg_m2=inertia)

@@ -1,16 +1,19 @@
-"""An arm from its URDF, read as XML: reference for the model that MuJoCo's parser makes of it."""
+"""An arm from its URDF, read as XML: reference for the model that MuJoCo's parser makes of it.
+
+Of an MJCF the reference is :mod:`dualbend.validation.mjcf`.
+"""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dualbend.arm.file import ArmFile
 from dualbend.types import Vector
-from dualbend.validation.lagrange import Link, SerialArm
+from dualbend.validation import mjcf
+from dualbend.validation.lagrange import Link, SerialArm, joined
 
 
 def equations_of(file: ArmFile) -> SerialArm:
@@ -18,6 +21,8 @@ def equations_of(file: ArmFile) -> SerialArm:
 
     What is fixed at the flange, or to the last link, is a tool, and without mass here.
     """
+    if not file.is_urdf:
+        return mjcf.equations_of(file)
     facts = file.facts
     root = ET.parse(file.file).getroot()
     bodies = {link.attrib["name"]: link.find("inertial") for link in root.findall("link")}
@@ -55,22 +60,9 @@ def _with_what_is_fixed(
         more = _link(joint, bodies[child], fixed=True)
         centre = place[:3, :3] @ more.centre_m + place[:3, 3]
         inertia = place[:3, :3] @ more.inertia_kg_m2 @ place[:3, :3].T
-        link = _joined(link, more.mass_kg, centre, inertia)
+        link = joined(link, more.mass_kg, centre, inertia)
         link = _with_what_is_fixed(link, child, place, way, above, bodies)
     return link
-
-
-def _joined(link: Link, mass_kg: float, centre_m: Vector, inertia_kg_m2: Vector) -> Link:
-    """Return a link with another body, given in the link's frame, as one; Steiner."""
-    total = link.mass_kg + mass_kg
-    if not total:
-        return link
-    centre = (link.mass_kg * link.centre_m + mass_kg * centre_m) / total
-    inertia = link.inertia_kg_m2 + inertia_kg_m2
-    for mass, at in ((link.mass_kg, link.centre_m), (mass_kg, centre_m)):
-        away = at - centre
-        inertia = inertia + mass * (away @ away * np.eye(3) - np.outer(away, away))
-    return replace(link, mass_kg=total, centre_m=centre, inertia_kg_m2=inertia)
 
 
 def _link(joint: ET.Element, body: ET.Element | None, *, fixed: bool) -> Link:
