@@ -117,6 +117,11 @@ class ArmModel:
         return f"{self.file.file}, sha256 {self.file.sha256}"
 
     @property
+    def rated(self) -> bool:
+        """Its payload is a manufacturer's or a user's, and not computed from the torques."""
+        return self.file is None or self.file.facts.payload_kg is not None
+
+    @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints in the scene, base to flange."""
         return scene_joints(self.count)
@@ -219,7 +224,7 @@ def _assumed(file: ArmFile, arm: FileArm, joints: dict[str, Any]) -> tuple[str, 
     if not any((*joints["viscous_n_m_s_per_rad"], *joints["coulomb_n_m"])):
         notes.append(f"no friction in the joints (the {kind} gives none)")
     if facts.payload_kg is None:
-        notes.append("payload: the mass that the torques hold anywhere; a data sheet says less")
+        notes.append("payload: what the torques hold anywhere; the run looks at torques alone")
     if facts.reach_m is None:
         notes.append("reach: from the shoulder to the flange")
     return tuple(notes)

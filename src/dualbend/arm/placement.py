@@ -7,6 +7,7 @@ tried at once on a grid, the best are followed along the path, the winner is ref
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import itertools
 from collections.abc import Mapping, Sequence
@@ -40,6 +41,11 @@ _UPRIGHT = 0.5
 
 _STEPS, _TURN_STEP_RAD, _POSTURE_STEP_RAD, _ROUNDS = (0.08, 0.03, 0.01), np.pi / 4, 0.25, 8
 _YAW = "base_yaw_rad"
+COLUMN_FROM_M: Final = 0.02
+"""Height [m] from which on a base stands on a column."""
+
+COLUMN_RADIUS_M: Final = 0.07
+
 _KEYS = ("base_distance_m", "base_lateral_m", "base_height_m", _YAW)
 _TILTS = ("base_roll_rad", "base_pitch_rad")
 
@@ -70,11 +76,22 @@ def find_placement(arm: ArmModel, targets: Vector, given: Mapping[str, Any]) -> 
 
 @functools.lru_cache(maxsize=64)
 def _find(arm: ArmModel, poses: bytes, given: tuple[tuple[str, Any], ...]) -> Placement:
-    return _Search(arm, np.frombuffer(poses).reshape(-1, 4, 4), dict(given)).run()
+    targets = np.frombuffer(poses).reshape(-1, 4, 4)
+    search = _Search(arm, targets, dict(given))
+    best = search.run()
+    if search.touches_column(best):
+        # Rarely: where no other place is found, the contact is told with this one.
+        with contextlib.suppress(InputError):
+            best = _Search(arm, targets, dict(given), column=True).run()
+    return search.placement(best)
 
 
 class _Search:
-    def __init__(self, arm: ArmModel, targets: Vector, given: Mapping[str, Any]) -> None:
+    """The search for one arm; ``column``: links may not touch the column under the base."""
+
+    def __init__(
+        self, arm: ArmModel, targets: Vector, given: Mapping[str, Any], *, column: bool = False
+    ) -> None:
         self._arm, self._targets, self._given = arm, targets, given
         self._chain = serial_chain(arm)
         self._low, self._high = self._chain.range_rad.T
@@ -84,10 +101,14 @@ class _Search:
         # Turned about the vertical, a tilted base is another mounting: given by hand, as the tilt.
         tilted = self._tilt is not None
         self._fixed = np.array([key in given for key in _KEYS[:3]] + [tilted or _YAW in given])
-        model = with_gripper(arm.spec(looks=False)).compile()
-        self._model, self._data = model, mujoco.MjData(model)
+        spec = with_gripper(arm.spec(looks=False))
+        if column:
+            _add_column(spec)
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
 
-    def run(self) -> Placement:
+    def run(self) -> _Tried:
+        """Return the best place; InputError where there is none."""
         coarse = self._coarse()
         good = np.flatnonzero(coarse.score > 0.0)
         order = good[np.argsort(-coarse.score[good], kind="stable")]
@@ -96,10 +117,23 @@ class _Search:
         best = max(found, key=lambda one: float(one.score[0]), default=None)
         if best is None or best.score[0] <= 0.0:
             raise InputError(self._refusal(coarse))
+        return best
+
+    def placement(self, best: _Tried) -> Placement:
+        """Return a place that was tried, with what was given of it."""
         home = self._given.get("home_rad", tuple(best.q[0, 0].round(6).tolist()))
         base = dict(zip(_KEYS, best.base[0].tolist(), strict=True))
         tilts = {key: self._given[key] for key in _TILTS if key in self._given}
         return Placement(**base, **tilts, home_rad=home)
+
+    def touches_column(self, one: _Tried) -> bool:
+        """Tell whether a link touches the column that stands under an upright base."""
+        if self._tilt is not None or one.base[0, 2] <= COLUMN_FROM_M:
+            return False
+        spec = with_gripper(self._arm.spec(looks=False))
+        _add_column(spec)
+        model = spec.compile()
+        return self._touches(model, mujoco.MjData(model), one)
 
     def _refined(self, start: _Tried) -> _Tried:
         """Return the refined place in whole millimetres, or the start where it is none."""
@@ -212,10 +246,14 @@ class _Search:
         return np.asarray(fine & stands)
 
     def _touches_itself(self, one: _Tried) -> bool:
+        return self._touches(self._model, self._data, one)
+
+    @staticmethod
+    def _touches(model: mujoco.MjModel, data: mujoco.MjData, one: _Tried) -> bool:
         for q in one.q[0]:
-            self._data.qpos[:] = q
-            mujoco.mj_forward(self._model, self._data)
-            if self._data.ncon:
+            data.qpos[:] = q
+            mujoco.mj_forward(model, data)
+            if data.ncon:
                 return True
         return False
 
@@ -276,6 +314,16 @@ class _Search:
                 f"limit; {needed:.0f} are needed"
             )
         return head + "where it reaches all poses, it touches itself, the floor or the sheet"
+
+
+def _add_column(spec: mujoco.MjSpec) -> None:
+    """Put a column under the base, as long as any: no link is below the floor."""
+    spec.body("base").add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[COLUMN_RADIUS_M, _CEILING_M / 2 - COLUMN_RADIUS_M, 0.0],
+        pos=[0.0, 0.0, -_CEILING_M / 2],
+        mass=0.0,
+    )
 
 
 def _tilt(given: Mapping[str, Any]) -> Vector | None:
