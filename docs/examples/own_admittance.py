@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dualbend import COMMAND_PERIOD_S, Observation, Scenario, load_scenario, make_run
+from dualbend import Observation, Scenario, load_scenario, make_run
 
 
 class PaperAdmittance:
@@ -23,7 +23,7 @@ class PaperAdmittance:
 
     def __init__(self, scenario: Scenario, b: float, k: float, limit: float = 0.1) -> None:
         self.gain, self.limit = np.pi / 180.0 / b, limit
-        self.pole = np.exp(-k / b * COMMAND_PERIOD_S)
+        self.pole = np.exp(-k / b * scenario.period_s)
         self.turn = np.zeros(2)
 
     def __call__(self, observation: Observation) -> np.ndarray:

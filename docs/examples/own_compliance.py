@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dualbend import COMMAND_PERIOD_S, Observation, Scenario, load_scenario, make_run
+from dualbend import Observation, Scenario, load_scenario, make_run
 
 X, Y, Z, ROLL, PITCH, YAW = range(6)
 """Components of a deviation in the bending frame of each arm; the bending angle is the pitch."""
@@ -26,13 +26,13 @@ class DeadBandRotation:
     limit_rad = 0.1
 
     def __init__(self, scenario: Scenario) -> None:
-        self.turn_rad = 0.0
+        self.turn_rad, self.period_s = 0.0, scenario.period_s
 
     def __call__(self, observation: Observation) -> np.ndarray:
         """Return the deviation of both arms (2, 6) in one command period."""
         moment_nm = float(observation.filtered.torque_nm[0, 1])
         beyond = np.sign(moment_nm) * max(abs(moment_nm) - self.band_nm, 0.0)
-        turn = self.turn_rad + COMMAND_PERIOD_S / self.damping_nm_s_per_rad * beyond
+        turn = self.turn_rad + self.period_s / self.damping_nm_s_per_rad * beyond
         self.turn_rad = float(np.clip(turn, -self.limit_rad, self.limit_rad))
         deviation = np.zeros((2, 6))
         deviation[0, PITCH] = self.turn_rad

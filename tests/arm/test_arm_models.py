@@ -12,17 +12,25 @@ import pytest
 from numpy.typing import NDArray
 
 from dualbend.arm import meshes
-from dualbend.arm.catalog import JOINT_COUNT, PACKAGE, URDF_ARMS, ArmName, UrdfFacts, arm_name
+from dualbend.arm.catalog import (
+    JOINT_COUNT,
+    PACKAGE,
+    SHIPPED,
+    ArmName,
+    known_arm,
+    package_folder,
+)
 from dualbend.arm.chain import serial_chain
+from dualbend.arm.facts import ArmFacts
+from dualbend.arm.file import ArmFile
 from dualbend.arm.mjcf import FLANGE_SITE, GRIP_SITE, with_gripper
 from dualbend.arm.model import SERVO_HZ, arm_model, rule_stiffness, scene_joints
-from dualbend.arm.urdf import UrdfFile, package_folder
 from dualbend.errors import InputError
 from dualbend.validation.lagrange import SerialArm
 from dualbend.validation.urdf import equations_of
 
 Array = NDArray[np.float64]
-NAMES: tuple[ArmName, ...] = tuple(URDF_ARMS)
+NAMES: tuple[ArmName, ...] = tuple(SHIPPED)
 
 
 def random_configurations(name: ArmName, count: int, seed: int = 5) -> Array:
@@ -35,9 +43,9 @@ def compiled(name: ArmName) -> mujoco.MjModel:
 
 
 def equations(name: ArmName) -> SerialArm:
-    urdf = arm_model(name).urdf
-    assert urdf is not None
-    return equations_of(urdf)
+    file = arm_model(name).file
+    assert file is not None
+    return equations_of(file)
 
 
 def relative(found: Array, wanted: Array) -> float:
@@ -45,7 +53,7 @@ def relative(found: Array, wanted: Array) -> float:
 
 
 def test_the_table_has_every_name_once() -> None:
-    assert set(get_args(ArmName)) == set(JOINT_COUNT) == {"puma560", *URDF_ARMS}
+    assert set(get_args(ArmName)) == set(JOINT_COUNT) == {"puma560", *SHIPPED}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -170,7 +178,10 @@ def test_the_stiffness_gives_the_mean_joint_its_frequency(name: ArmName) -> None
 
 @pytest.mark.parametrize("name", [*NAMES, "puma560"])
 def test_the_chain_is_the_compiled_arm(name: ArmName) -> None:
-    chain, model = serial_chain(name), with_gripper(arm_model(name).spec(looks=False)).compile()
+    chain, model = (
+        serial_chain(arm_model(name)),
+        with_gripper(arm_model(name).spec(looks=False)).compile(),
+    )
     data, jacobian = mujoco.MjData(model), np.zeros((6, model.nv))
     q = random_configurations(name, 4)
     rotation, place, axes, points = chain.forward(q)
@@ -190,7 +201,7 @@ def test_the_chain_is_the_compiled_arm(name: ArmName) -> None:
 
 @pytest.mark.parametrize("name", ["ur5", "panda"])
 def test_the_chain_solves_what_it_made(name: ArmName) -> None:
-    chain, q = serial_chain(name), random_configurations(name, 20)
+    chain, q = serial_chain(arm_model(name)), random_configurations(name, 20)
     rotation, place, _, _ = chain.forward(q)
     low, high = chain.range_rad.T
     start = np.clip(q + 0.1, low, high)
@@ -218,13 +229,10 @@ ROBOT = (
 """A hinge that moves two masses, fixed to each other; a slide beside, a tool at the flange."""
 
 
-def written(folder: Path, text: str, base: str = "base", flange: str = "f") -> UrdfFile:
+def written(folder: Path, text: str, base: str = "base", flange: str = "f") -> ArmFile:
     file = folder / "r.urdf"
     file.write_text(text)
-    facts = UrdfFacts(
-        file="", base=base, flange=flange, payload_kg=1, reach_m=1, rated="", upstream="", grade=""
-    )
-    return UrdfFile(file=file, share=folder, facts=facts)
+    return ArmFile(file=file, facts=ArmFacts(base=base, flange=flange, payload_kg=1, reach_m=1))
 
 
 def test_fixed_links_become_one(tmp_path: Path) -> None:
@@ -232,7 +240,7 @@ def test_fixed_links_become_one(tmp_path: Path) -> None:
     urdf = written(tmp_path, ROBOT)
     arm = urdf.read(looks=True)
     model = arm.spec.compile()
-    assert (arm.joint_names, arm.speed_limit_rad_per_s) == (("j",), (4.0,))
+    assert (arm.joint_names, arm.limits.speed_rad_per_s) == (("j",), (4.0,))
     assert [model.body(i).name for i in range(model.nbody)] == ["world", "base", "link1"]
     link, turn = model.body("link1"), np.zeros(9)
     assert link.mass == 4.0
@@ -265,11 +273,15 @@ def test_a_continuous_joint_turns_once_to_each_side(tmp_path: Path) -> None:
     [
         ("</robot>", "", "cannot be read as URDF"),
         ('ixx="1" iyy="1"', 'ixx="1" iyy="x"', "cannot be read as URDF"),
-        ('"revolute"', '"planar"', "joint 'j' is planar; needs a hinge with limits"),
-        ('effort="3"', "", "joint 'j' lacks effort, velocity or range"),
+        ('"revolute"', '"planar"', "joint 'j' is planar; needs a hinge or a slide"),
+        (
+            'effort="3"',
+            "",
+            r"does not say the torque limit of any joint: robot\.arm\.torque_limit_n_m",
+        ),
         ('velocity="4"', 'velocity="fast"', "joint 'j': could not convert string to float: 'fast'"),
         ('<child link="a"/>', "<child/>", "joint 'j' has no child link"),
-        ('upper="1"', 'upper="-1"', "joint 'j' lacks effort, velocity or range"),
+        ('upper="1"', 'upper="-1"', "joint 'j' lacks a range, lower < upper"),
         (MASS, "", "link 'a' moves and has no mass"),
     ],
 )
@@ -278,9 +290,19 @@ def test_a_file_that_is_no_arm_is_refused(tmp_path: Path, old: str, new: str, sa
         written(tmp_path, ROBOT.replace(old, new)).read(looks=False)
 
 
-@pytest.mark.parametrize(("base", "flange"), [("base", "x"), ("x", "f"), ("a", "f"), ("f", "a")])
-def test_a_chain_needs_a_joint_from_base_to_flange(tmp_path: Path, base: str, flange: str) -> None:
-    with pytest.raises(InputError, match=f"no chain of joints from '{base}' to '{flange}'"):
+@pytest.mark.parametrize(
+    ("base", "flange", "says"),
+    [
+        ("base", "x", "robot.arm.flange = 'x': no such link"),
+        ("x", "f", "robot.arm.base = 'x': no such link; there are base, f, a, b, c"),
+        ("a", "f", "no chain of joints from 'a' to 'f'"),
+        ("f", "a", "no chain of joints from 'f' to 'a'"),
+    ],
+)
+def test_a_chain_needs_a_joint_from_base_to_flange(
+    tmp_path: Path, base: str, flange: str, says: str
+) -> None:
+    with pytest.raises(InputError, match=says):
         written(tmp_path, ROBOT, base, flange).read(looks=False)
 
 
@@ -323,5 +345,5 @@ def test_a_missing_package_is_named() -> None:
 
 
 def test_an_unknown_arm_is_told_the_nearest() -> None:
-    with pytest.raises(InputError, match=r"--arm = 'ur55'.*did you mean 'ur5'.*panda"):
-        arm_name("ur55", "--arm")
+    with pytest.raises(InputError, match=r"--arm = 'ur55'.*panda.*did you mean 'ur5'"):
+        known_arm("ur55", "--arm")

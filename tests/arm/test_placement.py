@@ -115,11 +115,11 @@ def test_a_redundant_arm_takes_the_same_angles_whatever_way_it_came() -> None:
 
 def test_the_search_is_deterministic() -> None:
     targets = path_targets(SCENARIO)
-    first = find_placement("ur5", targets, {})
+    first = find_placement(arm_model("ur5"), targets, {})
     from dualbend.arm import placement
 
     placement._find.cache_clear()
-    assert find_placement("ur5", targets, {}) == first
+    assert find_placement(arm_model("ur5"), targets, {}) == first
 
 
 def test_what_is_given_by_hand_wins() -> None:

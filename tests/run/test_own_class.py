@@ -346,7 +346,7 @@ def test_a_search_turns_the_gains_that_the_class_names_and_no_other() -> None:
     assert isinstance(config, OwnComplianceConfig)
     names = [knob.key for knob in knobs(config, 1.0)]
     assert names == ["b", "k"]
-    by_two = turned(config, knobs(config, 1.0)[0], 2.0)
+    by_two = turned(config, knobs(config, 1.0)[0], 2.0, 0.028)
     assert isinstance(by_two, OwnComplianceConfig)
     assert by_two.options == {"b": 1.0, "k": 10000.0, "limit": 0.1}
     stiff = softened(config, 0.5)

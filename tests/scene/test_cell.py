@@ -119,23 +119,22 @@ def released(cell: Cell) -> tuple[mujoco.MjModel, mujoco.MjData]:
 def test_the_bases_mirror_each_other() -> None:
     settings = ["cell.base_distance_m=1.1", "cell.base_lateral_m=0.2"]
     arms = arm_pair(load_scenario(STRIP6, settings))
-    (left, yaw_left), (right, yaw_right) = (arms.base_pose(side) for side in SIDES)
+    (left, left_axes), (right, right_axes) = (arms.base_pose(side) for side in SIDES)
     np.testing.assert_array_equal(left, [-1.1, 0.2, 0.672])
     # A turn by π about z takes one to the other.
     np.testing.assert_array_equal(right, left * [-1, -1, 1])
-    assert (yaw_left, yaw_right) == (0.0, math.pi)
+    np.testing.assert_array_equal(left_axes, [1.0, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(right_axes, [0.0, 0.0, 0.0, 1.0], atol=1e-16)
 
 
 def test_the_compiled_bases_stand_there(bent: Cell) -> None:
     data = mujoco.MjData(bent.model)
     mujoco.mj_kinematics(bent.model, data)
     for side in SIDES:
-        origin, yaw = bent.arms.base_pose(side)
+        origin, quat = bent.arms.base_pose(side)
         # Analytic: composition only.
         np.testing.assert_allclose(data.body(f"{side}_base").xpos, origin, atol=1e-15)
-        axes = data.body(f"{side}_base").xmat.reshape(3, 3)
-        c, s = math.cos(yaw), math.sin(yaw)
-        np.testing.assert_allclose(axes, [[c, -s, 0], [s, c, 0], [0, 0, 1]], atol=1e-15)
+        np.testing.assert_allclose(data.body(f"{side}_base").xquat, quat, atol=1e-15)
 
 
 def test_at_the_start_the_sheets_edges_are_in_the_grips() -> None:

@@ -39,7 +39,7 @@ def make_book(seed: int = 3) -> tuple[AssemblyRun, RunRecord]:
     simulation, rows = run.cell.simulation, stages()
     hinges = run.scenario.sheet.strips.hinges
     trace = TraceRecorder(
-        len(rows), [0, 1], simulation.model.nq, hinges, simulation.joints, TASK_COLUMNS
+        len(rows), [0, 1], simulation.model.nq, hinges, run.cell.arms.slides, TASK_COLUMNS
     )
     generator = np.random.default_rng(seed)
     trace.rows = len(rows)

@@ -20,7 +20,9 @@ def written_run(
     """Return a run of these columns, each a number or one for each row; the others are 0."""
     sensing = [i for i, side in enumerate(("left", "right")) if side in scenario.compliance.sensing]
     hinges = scenario.sheet.model.sections
-    named = TraceRecorder(0, sensing, 0, hinges, ["left_joint1", "right_joint1"], task_columns)
+    named = TraceRecorder(
+        0, sensing, 0, hinges, {"left_joint1": False, "right_joint1": False}, task_columns
+    )
     rows = max(np.size(value) for value in columns.values())
     names = [name for name, _ in named.columns]
     values: Vector = np.zeros((rows, len(names)))

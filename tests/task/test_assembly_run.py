@@ -366,7 +366,7 @@ def test_the_stream_of_an_interrupted_run_is_its_first_rows(tmp_path: Path) -> N
 
 
 def test_a_stream_takes_no_row_twice(tmp_path: Path) -> None:
-    trace = TraceRecorder(100, [], 1, 1, ())
+    trace = TraceRecorder(100, [], 1, 1, {})
     stream = TraceStream(lambda: tmp_path / "trace.arrow", dict)
     for row in range(100):
         trace.rows = row + 1

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from dualbend.arm.catalog import ArmName
+from dualbend.arm.model import arm_model
 from dualbend.beam.sheet import Sheet
 from dualbend.validation import handbook
 from dualbend.validation.cases import modes, properties
@@ -75,7 +76,7 @@ def test_the_pulled_shell_stretches_as_its_material_says() -> None:
 
 @pytest.mark.parametrize("name", sorted(handbook.ARMS))
 def test_an_arm_is_the_published_one(name: ArmName) -> None:
-    rows = list(properties.arm_rows(name))
+    rows = list(properties.arm_rows(arm_model(name)))
     assert len(rows) == (4 if handbook.ARMS[name].links_kg else 3)
     assert failed(iter(rows)) == []
 
@@ -86,9 +87,9 @@ def test_another_arm_is_seen_in_its_size_weight_and_ranges(
 ) -> None:
     monkeypatch.setitem(handbook.ARMS, name, handbook.ARMS[other])
     # All of it, but for the ranges that all Universal Robots share.
-    assert len(failed(properties.arm_rows(name))) == 3
+    assert len(failed(properties.arm_rows(arm_model(name)))) == 3
 
 
 def test_of_an_arm_of_which_nothing_was_found_nothing_is_said() -> None:
     assert "z1" not in handbook.ARMS
-    assert list(properties.arm_rows("z1")) == []
+    assert list(properties.arm_rows(arm_model("z1"))) == []

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from dualbend.arm.catalog import ArmName
 from dualbend.arm.mjcf import GRIP_SITE, with_gripper
-from dualbend.arm.model import arm_model
-from dualbend.types import Vector
+from dualbend.arm.model import ArmModel
+from dualbend.types import Mask, Vector
 
 _DAMPING = 1e-4
 """Of the damped least squares, over the squared length: bounds a step near a singular pose."""
@@ -32,6 +31,7 @@ class SerialChain:
     Attributes
     ----------
     axes, points : (n, 3) unit vectors and places [m] in the base frame at q = 0
+    slides : (n,) which joints are slides, whose q is in m
     grip : (4, 4) pose of the grip frame at q = 0
     range_rad : (n, 2)
     length_m : scale between translation and rotation, the arm's reach
@@ -39,6 +39,7 @@ class SerialChain:
 
     axes: Vector
     points: Vector
+    slides: Mask
     grip: Vector
     range_rad: Vector
     length_m: float
@@ -59,6 +60,9 @@ class SerialChain:
         for i in range(self.count):
             axes[:, i] = rotation @ self.axes[i]
             points[:, i] = rotation @ self.points[i] + place
+            if self.slides[i]:
+                place = place + axes[:, i] * q[:, i, None]
+                continue
             turn = self._about(i, q[:, i])
             place = place + (rotation @ (self.points[i] - turn @ self.points[i])[..., None])[..., 0]
             rotation = rotation @ turn
@@ -68,6 +72,9 @@ class SerialChain:
     def jacobian(self, grip: Vector, axes: Vector, points: Vector) -> Vector:
         """Return the grip's Jacobian (b, 6, n), velocity over the length, then turn rate."""
         velocity = np.cross(axes, grip[:, None] - points) / self.length_m
+        if self.slides.any():
+            velocity = np.where(self.slides[:, None], axes / self.length_m, velocity)
+            axes = np.where(self.slides[:, None], 0.0, axes)
         return np.concatenate((velocity, axes), axis=2).transpose(0, 2, 1)
 
     def solve(
@@ -137,9 +144,14 @@ class SerialChain:
         return float(self.manipulability(q).max())
 
     def margins(self, q: Vector) -> Vector:
-        """Return how far every joint (..., n) is from its nearer limit [rad]."""
+        """Return how far joints (..., n) are from their nearer limits [rad], slides in lengths."""
         low, high = self.range_rad.T
-        return np.asarray(np.minimum(q - low, high - q))
+        return np.asarray(np.minimum(q - low, high - q)) / self.scale
+
+    @functools.cached_property
+    def scale(self) -> Vector:
+        """What makes a joint's number (n,) an angle or a share of the length: 1 of a hinge."""
+        return np.where(self.slides, self.length_m, 1.0)
 
 
 def volume(jacobian: Vector) -> Vector:
@@ -153,11 +165,11 @@ def _miss(error: Vector) -> Vector:
 
 
 @functools.cache
-def serial_chain(name: ArmName) -> SerialChain:
+def serial_chain(arm: ArmModel) -> SerialChain:
     """Return the chain of an arm with the gripper at its flange."""
-    arm = arm_model(name)
     model = with_gripper(arm.spec(looks=False)).compile()
     data = mujoco.MjData(model)
+    data.qpos[:] = 0.0
     mujoco.mj_kinematics(model, data)
     joints = [model.joint(joint).id for joint in arm.joints]
     grip = np.eye(4)
@@ -166,6 +178,7 @@ def serial_chain(name: ArmName) -> SerialChain:
     return SerialChain(
         axes=data.xaxis[joints].copy(),
         points=data.xanchor[joints].copy(),
+        slides=np.array(arm.slides),
         grip=grip,
         range_rad=np.array(arm.range_rad),
         length_m=arm.reach_m,

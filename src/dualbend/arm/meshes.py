@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -26,6 +27,20 @@ _PLAIN = (".stl", ".obj")
 """Shown as they are, in a shade; other files are drawn finely and in several colours."""
 
 _FEWEST_FACES = 8
+
+_NO_COLOUR = (0.5, 0.5, 0.5, 1.0)
+"""What MuJoCo has of a geom to which no colour is given."""
+
+_UNIT_BOX: Final = np.array([*itertools.product((-1.0, 1.0), repeat=3)])
+
+_SOLIDS: Final = {
+    mujoco.mjtGeom.mjGEOM_BOX: lambda size: size,
+    mujoco.mjtGeom.mjGEOM_SPHERE: lambda size: size[[0, 0, 0]],
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: lambda size: size,
+    mujoco.mjtGeom.mjGEOM_CYLINDER: lambda size: size[[0, 0, 1]],
+    mujoco.mjtGeom.mjGEOM_CAPSULE: lambda size: size[[0, 0, 1]] + [0.0, 0.0, size[0]],
+}
+"""Half sides of the box around a shape of a file, by its kind."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,17 +107,21 @@ def coarsened(points: Vector, rgba: tuple[float, ...]) -> ColouredMesh:
 
 
 def add_shapes(spec: mujoco.MjSpec, *, looks: bool) -> None:
-    """Replace a parsed file's shapes by one capsule per link, which collides, and meshes to see."""
+    """Replace a parsed file's shapes by one capsule per link, which collides, and looks to see.
+
+    Where a link has meshes, what else it has is left out.
+    """
     from_file, moved = spec.meshes, 0
     for body in spec.bodies[1:]:
         moved += len(body.joints)
         shapes = body.geoms
         drawn = [geom for geom in shapes if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
+        drawn = drawn or [geom for geom in shapes if geom.type in _SOLIDS]
         visual = [geom for geom in drawn if not geom.contype]
         solid = [geom for geom in drawn if geom.contype] or visual
         if solid:
             _add_capsule(body, np.concatenate([_corners(spec, geom) for geom in solid]))
-        for geom in visual if looks else ():
+        for geom in (visual or solid) if looks else ():
             _add_look(spec, body, geom, _DARK if moved in (2, 4, 6) else _LIGHT)
         for geom in shapes:
             spec.delete(geom)
@@ -110,10 +129,22 @@ def add_shapes(spec: mujoco.MjSpec, *, looks: bool) -> None:
         spec.delete(mesh)
 
 
+def _parts(mesh: mujoco.MjsMesh, rgba: tuple[float, ...] | None = None) -> tuple[ColouredMesh, ...]:
+    """Return the triangles of a mesh: of its file, or as they stand there, then of a colour."""
+    if mesh.file:
+        return read_mesh(Path(mesh.file))
+    vertices, faces = (np.array(values).reshape(-1, 3) for values in (mesh.uservert, mesh.userface))
+    return (ColouredMesh(vertices=vertices, faces=faces, rgba=rgba),)
+
+
 def _corners(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> Vector:
-    """Return the corners (k, 3) of a geom's mesh in the link's frame [m]."""
-    mesh, turn = spec.mesh(geom.meshname), np.empty(9)
-    points = np.concatenate([part.vertices for part in read_mesh(Path(mesh.file))]) * mesh.scale
+    """Return the corners (k, 3) of a geom, of its box where it is round, in the link's frame."""
+    turn = np.empty(9)
+    if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = spec.mesh(geom.meshname)
+        points = np.concatenate([part.vertices for part in _parts(mesh)]) * mesh.scale
+    else:
+        points = _UNIT_BOX * _SOLIDS[geom.type](geom.size)
     mujoco.mju_quat2Mat(turn, geom.quat)
     return np.asarray(points @ turn.reshape(3, 3).T + geom.pos)
 
@@ -121,11 +152,28 @@ def _corners(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> Vector:
 def _add_look(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, geom: mujoco.MjsGeom, shade: tuple[float, ...]
 ) -> None:
-    """Show a mesh in its own colours, or in a shade where the file has none."""
+    """Show a geom in its own colours, or in a shade where the file has none."""
+    own = None if np.array_equal(geom.rgba, _NO_COLOUR) else tuple(geom.rgba)
+    if geom.type != mujoco.mjtGeom.mjGEOM_MESH:
+        body.add_geom(
+            type=geom.type,
+            size=geom.size,
+            pos=geom.pos,
+            quat=geom.quat,
+            rgba=own or shade,
+            mass=0.0,
+            contype=0,
+            conaffinity=0,
+            group=2,
+        )
+        return
     mesh = spec.mesh(geom.meshname)
-    for i, part in enumerate(read_mesh(Path(mesh.file))):
+    for i, part in enumerate(_parts(mesh, own)):
+        name = f"{body.name}_{mesh.name}_{i}"
+        while spec.mesh(name) is not None:  # a link may show one mesh twice
+            name += "_"
         shape = spec.add_mesh(
-            name=f"{body.name}_{mesh.name}_{i}",
+            name=name,
             uservert=(part.vertices * mesh.scale).ravel(),
             userface=part.faces.ravel(),
             # Open surfaces have no volume, and their mass is not asked for.

@@ -7,15 +7,21 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Final
 
+import msgspec
 import mujoco
 import numpy as np
 
-from dualbend.arm.catalog import PACKAGE, URDF_ARMS, ArmName
+from dualbend.arm.catalog import PACKAGE, SHIPPED, ArmName, known_arm, package_folder
+from dualbend.arm.facts import ArmFacts
+from dualbend.arm.file import ROTOR_KG, ROTOR_KG_M2, ArmFile, FileArm, is_file, sha256_of
 from dualbend.arm.mjcf import load_puma, with_gripper
-from dualbend.arm.urdf import UrdfFile, package_folder
+from dualbend.arm.ratings import held_mass, largest_reach
+from dualbend.errors import InputError, brief
+from dualbend.types import Vector
 
 PUMA: Final = "puma560"
 """The arm of the paper, and the default."""
@@ -30,9 +36,10 @@ _SEED, _SAMPLES = 7, 256
 class Placement:
     """Where an arm stands in its bending frame, whose origin is on the floor in the mid-plane.
 
-    The base frame's origin is at (−distance, lateral, height) and its z up; yaw turns it about z.
-    ``home_rad`` is a joint configuration near the start of the work: it picks the branch of the
-    inverse kinematics, and is the posture that a redundant arm keeps.
+    The base frame's origin is at (−distance, lateral, height), and its axes are turned by
+    R_z(yaw) R_y(pitch) R_x(roll): z is up on the floor, forward at a pitch of π/2 (on a wall), down
+    at a roll of π (hanging). ``home_rad`` is a joint configuration near the start of the work: it
+    picks the branch of the inverse kinematics, and is the posture that a redundant arm keeps.
     """
 
     base_distance_m: float
@@ -40,6 +47,20 @@ class Placement:
     base_height_m: float
     base_yaw_rad: float
     home_rad: tuple[float, ...]
+    base_roll_rad: float = 0.0
+    base_pitch_rad: float = 0.0
+
+    @property
+    def upright(self) -> bool:
+        """Its z is up."""
+        return self.base_roll_rad == self.base_pitch_rad == 0.0
+
+    def quat(self, turn_rad: float = 0.0) -> Vector:
+        """Return the axes' quaternion (4,), turned further by an angle about the vertical."""
+        quat = np.empty(4)
+        turns = (turn_rad + self.base_yaw_rad, self.base_pitch_rad, self.base_roll_rad)
+        mujoco.mju_euler2Quat(quat, np.array(turns), "zyx")
+        return quat
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +69,9 @@ class ArmModel:
 
     Attributes
     ----------
-    name : as a scenario gives it, one of :data:`dualbend.arm.catalog.ArmName`
+    name : one of :data:`dualbend.arm.catalog.ArmName`, or that of the arm's file
     joint_names : what the data calls the joints (n,); in the scene they are joint1 ... joint<n>
+    slides : (n,) which joints are slides; their numbers are in m and N for rad and N m
     range_rad : (n, 2) lower and upper limit
     speed_limit_rad_per_s, torque_limit_n_m : (n,)
     armature_kg_m2 : (n,) inertia of the rotor at the joint
@@ -61,11 +83,12 @@ class ArmModel:
     grade : how good the dynamics are: measured, manufacturer, or what is assumed
     assumed : what the data lacks, and what stands in for it
     placement : a documented place for the paper's experiment; None: found for each scenario
-    urdf : the file that the arm is made from; None: the package's own MJCF
+    file : that the arm is made from; None: the package's own MJCF
     """
 
-    name: ArmName
+    name: str
     joint_names: tuple[str, ...]
+    slides: tuple[bool, ...]
     range_rad: tuple[tuple[float, float], ...]
     speed_limit_rad_per_s: tuple[float, ...]
     torque_limit_n_m: tuple[float, ...]
@@ -79,7 +102,7 @@ class ArmModel:
     grade: str
     assumed: tuple[str, ...] = ()
     placement: Placement | None = None
-    urdf: UrdfFile | None = None
+    file: ArmFile | None = None
 
     @property
     def count(self) -> int:
@@ -87,9 +110,26 @@ class ArmModel:
         return len(self.joint_names)
 
     @property
+    def fingerprint(self) -> str:
+        """Path and SHA-256 of a user's file; "" of an arm that is shipped."""
+        if self.file is None or not self.file.sha256:
+            return ""
+        return f"{self.file.file}, sha256 {self.file.sha256}"
+
+    @property
+    def rated(self) -> bool:
+        """Its payload is a manufacturer's or a user's, and not computed from the torques."""
+        return self.file is None or self.file.facts.payload_kg is not None
+
+    @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints in the scene, base to flange."""
         return scene_joints(self.count)
+
+    @property
+    def scene_slides(self) -> dict[str, bool]:
+        """Which joints are slides, by their names in the scene."""
+        return dict(zip(self.joints, self.slides, strict=True))
 
     def spec(self, *, looks: bool = True) -> mujoco.MjSpec:
         """Return a fresh specification without actuators or tool; without meshes if no looks.
@@ -97,7 +137,7 @@ class ArmModel:
         The frame of ``base`` is the arm's own, z up; gravity compensation reaches the joints only
         in a model with at least one actuator.
         """
-        return load_puma() if self.urdf is None else self.urdf.read(looks=looks).spec
+        return load_puma() if self.file is None else self.file.read(looks=looks).spec
 
 
 def scene_joints(count: int) -> tuple[str, ...]:
@@ -105,36 +145,89 @@ def scene_joints(count: int) -> tuple[str, ...]:
     return tuple(f"joint{i + 1}" for i in range(count))
 
 
-@functools.cache
-def arm_model(name: ArmName) -> ArmModel:
-    """Return the arm of a name: what its URDF holds, the rest from the facts beside it.
+def arm_model(name: str, facts: ArmFacts | None = None) -> ArmModel:
+    """Return the arm of a name, or of a file: what its file holds, the rest from the facts.
 
-    Raises InputError where the package with the arm's files is missing, or a file cannot be read.
+    Raises InputError where there is no such arm or file, the package with the arm's files is
+    missing, or the file lacks something, or is not the one of ``facts.sha256``.
     """
-    if name == PUMA:
+    facts = facts or ArmFacts()
+    if is_file(name):
+        return _of_file(_unchanged(Path(name), facts))
+    return _shipped(known_arm(name), facts)
+
+
+@functools.cache
+def _shipped(name: ArmName, facts: ArmFacts) -> ArmModel:
+    shipped = SHIPPED.get(name)
+    if shipped is None:
+        if facts != ArmFacts():
+            raise InputError(f"robot.arm: is of an arm's file, and of {PUMA!r} nothing is missing")
         return _puma()
-    share, facts = package_folder(PACKAGE), URDF_ARMS[name]
-    urdf = UrdfFile(file=share / "robots" / facts.file, share=share, facts=facts)
-    arm = urdf.read(looks=False)
-    joints = _joints(arm.spec.compile())
-    assumed = [f"rotor inertia {facts.armature_kg_m2:g} kg m² at every joint (no URDF has it)"]
-    if not any((*joints["viscous_n_m_s_per_rad"], *joints["coulomb_n_m"])):
-        assumed.append("no friction in the joints (the URDF gives none)")
-    if facts.torque_limit_n_m is not None:
-        assumed.append("torque limits of the manufacturer (the URDF has another arm's)")
-    return ArmModel(
+    file = package_folder(PACKAGE) / "robots" / shipped.file
+    model = _of_file(ArmFile(file=file, facts=facts.over(shipped.facts)))
+    return replace(
+        model,
         name=name,
+        source=f"{PACKAGE}, {shipped.file}, from {shipped.upstream}; ratings: {shipped.rated}",
+        grade=shipped.grade,
+        assumed=(*model.assumed, *shipped.assumed),
+    )
+
+
+def _unchanged(file: Path, facts: ArmFacts) -> ArmFile:
+    """Return a file with its content's SHA-256; InputError where another one is asked for."""
+    sha256 = sha256_of(file)
+    if facts.sha256 not in (None, sha256):
+        raise InputError(
+            f"{file}: was changed since the run: its sha256 is {sha256[:12]}..., that of "
+            f"robot.arm.sha256 {brief(facts.sha256)[1:13]}...; robot.arm.sha256 = none takes it so"
+        )
+    return ArmFile(file=file, facts=msgspec.structs.replace(facts, sha256=None), sha256=sha256)
+
+
+@functools.cache
+def _of_file(given: ArmFile) -> ArmModel:
+    file = given.resolved()
+    arm = file.read(looks=False)
+    model = arm.spec.compile()
+    joints, facts = _joints(model), file.facts
+    return ArmModel(
+        name=file.file.name,
         joint_names=arm.joint_names,
-        speed_limit_rad_per_s=arm.speed_limit_rad_per_s,
+        slides=arm.slides,
+        speed_limit_rad_per_s=arm.limits.speed_rad_per_s,
         stiffness_n_m_per_rad=rule_stiffness(arm.spec),
-        payload_kg=facts.payload_kg,
-        reach_m=facts.reach_m,
-        source=f"{PACKAGE}, {facts.file}, from {facts.upstream}; ratings: {facts.rated}",
-        grade=facts.grade,
-        assumed=tuple(assumed),
-        urdf=urdf,
+        payload_kg=facts.payload_kg or float(f"{held_mass(model):.3g}"),
+        reach_m=facts.reach_m or round(largest_reach(model), 3),
+        source=str(file.file),
+        grade="as its file says",
+        assumed=_assumed(file, arm, joints),
+        file=file,
         **joints,
     )
+
+
+def _assumed(file: ArmFile, arm: FileArm, joints: dict[str, Any]) -> tuple[str, ...]:
+    """Return what stands in for numbers that neither file nor facts hold."""
+    facts, notes = file.facts, list(arm.notes)
+    kind, has = "file", "the file has none"
+    if file.file.suffix.lower() == ".urdf":
+        kind, has = "URDF", "no URDF has it"
+    if not arm.limits.armature_kg_m2:
+        at = f"{ROTOR_KG_M2:g} kg m² at every {'hinge' if any(arm.slides) else 'joint'}"
+        at += f", {ROTOR_KG:g} kg at every slide" if any(arm.slides) else ""
+        notes.append(f"rotor inertia {at} ({has})")
+    elif not all(arm.limits.armature_kg_m2):
+        pairs = zip(arm.joint_names, arm.limits.armature_kg_m2, strict=True)
+        notes.append(f"rotor inertia of {', '.join(name for name, rotor in pairs if not rotor)}")
+    if not any((*joints["viscous_n_m_s_per_rad"], *joints["coulomb_n_m"])):
+        notes.append(f"no friction in the joints (the {kind} gives none)")
+    if facts.payload_kg is None:
+        notes.append("payload: what the torques hold anywhere; the run looks at torques alone")
+    if facts.reach_m is None:
+        notes.append("reach: from the shoulder to the flange")
+    return tuple(notes)
 
 
 def rule_stiffness(spec: mujoco.MjSpec) -> tuple[float, ...]:
@@ -166,6 +259,7 @@ def _puma() -> ArmModel:
     return ArmModel(
         name=PUMA,
         joint_names=scene_joints(model.njnt),
+        slides=(False,) * model.njnt,
         # Where the drive's voltage saturates; Corke (1996), Tables 2.18 and 2.21.
         speed_limit_rad_per_s=(1.92, 1.51, 2.40, 5.34, 5.09, 5.74),
         # Joints 1 to 3: (2π 20 Hz)² J, 20 Hz the upper end of a recalled first resonance of

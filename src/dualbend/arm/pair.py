@@ -65,16 +65,25 @@ class ArmPair:
         """Default stiffness (n,) of the joints' servos [N m/rad]."""
         return np.concatenate([arm.model.stiffness_n_m_per_rad for arm in self])
 
+    @property
+    def slides(self) -> dict[str, bool]:
+        """Which of all joints are slides, by their names in the scene, such as ``left_joint1``."""
+        return {
+            f"{side}_{joint}": slides
+            for side, arm in zip(SIDES, self, strict=True)
+            for joint, slides in arm.model.scene_slides.items()
+        }
+
     def of(self, side: Side) -> PlacedArm:
         """Return the arm of one side."""
         return self.left if side == "left" else self.right
 
-    def base_pose(self, side: Side) -> tuple[Vector, float]:
-        """Return the base frame's origin (3,) [m] in the world and its yaw [rad]."""
+    def base_pose(self, side: Side) -> tuple[Vector, Vector]:
+        """Return the base frame's origin (3,) [m] and its quaternion (4,) in the world."""
         stand = self.of(side).placement
         sign, turn = (1.0, 0.0) if side == "left" else (-1.0, np.pi)
         aside = [-sign * stand.base_distance_m, sign * stand.base_lateral_m]
-        return np.array([*aside, stand.base_height_m]), turn + stand.base_yaw_rad
+        return np.array([*aside, stand.base_height_m]), stand.quat(turn)
 
 
 def paper_pair() -> ArmPair:

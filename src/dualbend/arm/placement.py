@@ -7,6 +7,7 @@ tried at once on a grid, the best are followed along the path, the winner is ref
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import itertools
 from collections.abc import Mapping, Sequence
@@ -17,10 +18,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.arm.catalog import ArmName
 from dualbend.arm.chain import serial_chain, volume
 from dualbend.arm.mjcf import with_gripper
-from dualbend.arm.model import Placement, arm_model
+from dualbend.arm.model import ArmModel, Placement
 from dualbend.errors import InputError
 from dualbend.types import Vector
 
@@ -35,9 +35,19 @@ _HEIGHT = (-0.7, -0.45, -0.2, 0.0, 0.2)
 """The grid, over the arm's reach: base behind the flange, beside and above the grip."""
 
 _TOOL_M, _ABOVE_FLOOR_M, _BEHIND_GRIP_M = 0.153, 0.06, 0.03
-_NEAREST_M, _HIGHEST_M = 0.3, 1.5
+_NEAREST_M, _HIGHEST_M, _CEILING_M = 0.3, 1.5, 3.0
+_UPRIGHT = 0.5
+"""Cosine of a base's tilt from which on it counts as standing, its negative as hanging."""
+
 _STEPS, _TURN_STEP_RAD, _POSTURE_STEP_RAD, _ROUNDS = (0.08, 0.03, 0.01), np.pi / 4, 0.25, 8
-_KEYS = ("base_distance_m", "base_lateral_m", "base_height_m", "base_yaw_rad")
+_YAW = "base_yaw_rad"
+COLUMN_FROM_M: Final = 0.02
+"""Height [m] from which on a base stands on a column."""
+
+COLUMN_RADIUS_M: Final = 0.07
+
+_KEYS = ("base_distance_m", "base_lateral_m", "base_height_m", _YAW)
+_TILTS = ("base_roll_rad", "base_pitch_rad")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,33 +64,51 @@ class _Tried:
         return _Tried(**{name: value[which] for name, value in vars(self).items()})
 
 
-def find_placement(name: ArmName, targets: Vector, given: Mapping[str, Any]) -> Placement:
+def find_placement(arm: ArmModel, targets: Vector, given: Mapping[str, Any]) -> Placement:
     """Return the best place for the grip poses ``targets`` (k, 4, 4) in the arm's bending frame.
 
     What is ``given`` of a :class:`Placement` stays as it is. Deterministic, and remembered.
     Raises InputError, which says what is missing, where no place lets the arm reach all poses with
     5° of joint-limit margin, clear of itself, of the floor and of the sheet.
     """
-    return _find(name, targets.tobytes(), tuple(given.items()))
+    return _find(arm, targets.tobytes(), tuple(given.items()))
 
 
 @functools.lru_cache(maxsize=64)
-def _find(name: ArmName, poses: bytes, given: tuple[tuple[str, Any], ...]) -> Placement:
-    return _Search(name, np.frombuffer(poses).reshape(-1, 4, 4), dict(given)).run()
+def _find(arm: ArmModel, poses: bytes, given: tuple[tuple[str, Any], ...]) -> Placement:
+    targets = np.frombuffer(poses).reshape(-1, 4, 4)
+    search = _Search(arm, targets, dict(given))
+    best = search.run()
+    if search.touches_column(best):
+        # Rarely: where no other place is found, the contact is told with this one.
+        with contextlib.suppress(InputError):
+            best = _Search(arm, targets, dict(given), column=True).run()
+    return search.placement(best)
 
 
 class _Search:
-    def __init__(self, name: ArmName, targets: Vector, given: Mapping[str, Any]) -> None:
-        self._name, self._targets, self._given = name, targets, given
-        self._chain = serial_chain(name)
-        self._low, self._high = self._chain.range_rad.T
-        self._half = 0.5 * (self._high - self._low)
-        self._best = self._chain.largest_manipulability
-        self._fixed = np.array([key in given for key in _KEYS])
-        model = with_gripper(arm_model(name).spec(looks=False)).compile()
-        self._model, self._data = model, mujoco.MjData(model)
+    """The search for one arm; ``column``: links may not touch the column under the base."""
 
-    def run(self) -> Placement:
+    def __init__(
+        self, arm: ArmModel, targets: Vector, given: Mapping[str, Any], *, column: bool = False
+    ) -> None:
+        self._arm, self._targets, self._given = arm, targets, given
+        self._chain = serial_chain(arm)
+        self._low, self._high = self._chain.range_rad.T
+        self._half = 0.5 * (self._high - self._low) / self._chain.scale
+        self._tilt = _tilt(given)
+        self._best = self._chain.largest_manipulability
+        # Turned about the vertical, a tilted base is another mounting: given by hand, as the tilt.
+        tilted = self._tilt is not None
+        self._fixed = np.array([key in given for key in _KEYS[:3]] + [tilted or _YAW in given])
+        spec = with_gripper(arm.spec(looks=False))
+        if column:
+            _add_column(spec)
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+
+    def run(self) -> _Tried:
+        """Return the best place; InputError where there is none."""
         coarse = self._coarse()
         good = np.flatnonzero(coarse.score > 0.0)
         order = good[np.argsort(-coarse.score[good], kind="stable")]
@@ -89,9 +117,23 @@ class _Search:
         best = max(found, key=lambda one: float(one.score[0]), default=None)
         if best is None or best.score[0] <= 0.0:
             raise InputError(self._refusal(coarse))
+        return best
+
+    def placement(self, best: _Tried) -> Placement:
+        """Return a place that was tried, with what was given of it."""
         home = self._given.get("home_rad", tuple(best.q[0, 0].round(6).tolist()))
         base = dict(zip(_KEYS, best.base[0].tolist(), strict=True))
-        return Placement(**base, home_rad=home)
+        tilts = {key: self._given[key] for key in _TILTS if key in self._given}
+        return Placement(**base, **tilts, home_rad=home)
+
+    def touches_column(self, one: _Tried) -> bool:
+        """Tell whether a link touches the column that stands under an upright base."""
+        if self._tilt is not None or one.base[0, 2] <= COLUMN_FROM_M:
+            return False
+        spec = with_gripper(self._arm.spec(looks=False))
+        _add_column(spec)
+        model = spec.compile()
+        return self._touches(model, mujoco.MjData(model), one)
 
     def _refined(self, start: _Tried) -> _Tried:
         """Return the refined place in whole millimetres, or the start where it is none."""
@@ -119,7 +161,7 @@ class _Search:
         every, q = every[kept], q[kept]
         # The same pose a whole turn nearer the middle of a wide range.
         turns = np.round((q - 0.5 * (self._low + self._high)) / (2.0 * np.pi))
-        q = q - 2.0 * np.pi * turns
+        q = q - 2.0 * np.pi * np.where(self._chain.slides, 0.0, turns)
         for target in range(middle, -1, -1):
             q, _ = self._reach(every, target, q, None, 6)
         return self._follow(every, q)
@@ -129,7 +171,7 @@ class _Search:
         axes = [
             -first[0] + _TOOL_M + reach * np.array(_DISTANCE),
             first[1] + reach * np.array(_LATERAL),
-            np.unique(np.clip(first[2] + reach * np.array(_HEIGHT), 0.0, _HIGHEST_M)),
+            np.unique(np.clip(first[2] + reach * self._heights(), 0.0, self._highest)),
             np.zeros(1),
         ]
         axes = [
@@ -137,6 +179,17 @@ class _Search:
             for key, axis in zip(_KEYS, axes, strict=True)
         ]
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(_KEYS))
+
+    def _heights(self) -> Vector:
+        """Return heights of the base above the grip, over the reach: a hanging one is above it."""
+        heights, up = np.array(_HEIGHT), 1.0 if self._tilt is None else float(self._tilt[2, 2])
+        if up > _UPRIGHT:
+            return heights
+        return -heights if up < -_UPRIGHT else np.concatenate((heights, -heights))
+
+    @property
+    def _highest(self) -> float:
+        return _HIGHEST_M if self._tilt is None else _CEILING_M
 
     def _reach(
         self, base: Vector, target: int, q: Vector, posture: Vector | None, iterations: int
@@ -146,6 +199,8 @@ class _Search:
         c, s = np.cos(base[:, 3]), np.sin(base[:, 3])
         none, one = np.zeros(len(base)), np.ones(len(base))
         back = np.stack((c, s, none, -s, c, none, none, none, one), axis=1).reshape(-1, 3, 3)
+        if self._tilt is not None:
+            back = self._tilt.T @ back
         away = pose[:3, 3] - base[:, :3] * [-1.0, 1.0, 1.0]
         place = (back @ away[..., None])[..., 0]
         return self._chain.solve(back @ pose[:3, :3], place, q, posture, iterations)
@@ -179,19 +234,26 @@ class _Search:
     def _clear(self, base: Vector, points: Vector) -> NDArray[np.bool_]:
         """Tell where no joint (b, k, n, 3) is near the floor, or beyond the grip at the sheet."""
         c, s = np.cos(base[:, 3])[:, None, None], np.sin(base[:, 3])[:, None, None]
+        if self._tilt is not None:
+            points = points @ self._tilt.T
         forward = c * points[..., 0] - s * points[..., 1] - base[:, 0][:, None, None]
         height = points[..., 2] + base[:, 2][:, None, None]
         behind = forward < self._targets[:, 0, 3][:, None] - _BEHIND_GRIP_M
         # The first joint's point is anywhere on its axis.
         fine = (behind & (height > _ABOVE_FLOOR_M))[..., 1:].all(axis=(1, 2))
-        stands = (base[:, 2] >= 0.0) & (base[:, 2] <= _HIGHEST_M) & (base[:, 0] > _NEAREST_M)
+        stands = (base[:, 2] >= 0.0) & (base[:, 2] <= self._highest)
+        stands &= (base[:, 0] > _NEAREST_M) | self._fixed[0]
         return np.asarray(fine & stands)
 
     def _touches_itself(self, one: _Tried) -> bool:
+        return self._touches(self._model, self._data, one)
+
+    @staticmethod
+    def _touches(model: mujoco.MjModel, data: mujoco.MjData, one: _Tried) -> bool:
         for q in one.q[0]:
-            self._data.qpos[:] = q
-            mujoco.mj_forward(self._model, self._data)
-            if self._data.ncon:
+            data.qpos[:] = q
+            mujoco.mj_forward(model, data)
+            if data.ncon:
                 return True
         return False
 
@@ -209,9 +271,10 @@ class _Search:
                 bases = one.base + moves
                 starts = np.repeat(one.q[:, 0], len(bases), axis=0)
                 if self._chain.count > 6 and "home_rad" not in self._given:
-                    bases = np.concatenate((bases, one.base, one.base))
                     swing = share / _STEPS[0] * _POSTURE_STEP_RAD * self._null(one)
-                    starts = np.concatenate((starts, one.q[:, 0] + swing, one.q[:, 0] - swing))
+                    swings = np.concatenate((swing, -swing))
+                    bases = np.concatenate((bases, np.repeat(one.base, len(swings), axis=0)))
+                    starts = np.concatenate((starts, one.q[:, 0] + swings))
                 if not len(bases):
                     return one
                 around = self._follow(bases, starts)
@@ -222,9 +285,9 @@ class _Search:
         return one
 
     def _null(self, one: _Tried) -> Vector:
-        """Return the motion (1, n) of a redundant arm that leaves the grip where it is."""
+        """Return the motions (n - 6, n) of a redundant arm that leave the grip where it is."""
         _, grip, axes, points = self._chain.forward(one.q[:, 0])
-        return np.asarray(np.linalg.svd(self._chain.jacobian(grip, axes, points)[0])[2][6:7])
+        return np.asarray(np.linalg.svd(self._chain.jacobian(grip, axes, points)[0])[2][6:])
 
     def _rounded(self, one: _Tried) -> _Tried:
         """Return the place in whole millimetres, as a scenario would have it."""
@@ -232,7 +295,7 @@ class _Search:
         return self._follow(base, one.q[:, 0])
 
     def _refusal(self, tried: _Tried) -> str:
-        arm = arm_model(self._name)
+        arm = self._arm
         head = f"arm {arm.name!r} (reach {arm.reach_m:g} m) finds no place to stand: "
         reached = tried.miss < _REACHED
         if not reached.any():
@@ -251,3 +314,24 @@ class _Search:
                 f"limit; {needed:.0f} are needed"
             )
         return head + "where it reaches all poses, it touches itself, the floor or the sheet"
+
+
+def _add_column(spec: mujoco.MjSpec) -> None:
+    """Put a column under the base, as long as any: no link is below the floor."""
+    spec.body("base").add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        size=[COLUMN_RADIUS_M, _CEILING_M / 2 - COLUMN_RADIUS_M, 0.0],
+        pos=[0.0, 0.0, -_CEILING_M / 2],
+        mass=0.0,
+    )
+
+
+def _tilt(given: Mapping[str, Any]) -> Vector | None:
+    """Return R_y(pitch) R_x(roll) (3, 3) of a base that does not stand upright."""
+    roll, pitch = (float(given.get(key, 0.0)) for key in _TILTS)
+    if roll == pitch == 0.0:
+        return None
+    quat, turn = np.empty(4), np.empty(9)
+    mujoco.mju_euler2Quat(quat, np.array([pitch, roll, 0.0]), "yxz")
+    mujoco.mju_quat2Mat(turn, quat)
+    return turn.reshape(3, 3)

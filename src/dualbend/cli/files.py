@@ -10,6 +10,7 @@ from dualbend.cli.common import (
     JSON,
     MARKDOWN_TABLE,
     OUT_FILE,
+    PATH,
     SETTINGS,
     command,
     complete_scenarios,
@@ -68,7 +69,11 @@ def reference(out: Path | None) -> None:
     deliver(reference_markdown(), out)
 
 
-@command("dualbend arms", "dualbend arms --for fig6", "dualbend arms --json")
+@command(
+    "dualbend arms",
+    "dualbend arms --for fig6",
+    "dualbend arms --check my_arm.urdf --set robot.arm.flange=tool0 --out my_arm.png",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON with all data of each arm.")
 @MARKDOWN_TABLE
 @click.option(
@@ -78,16 +83,37 @@ def reference(out: Path | None) -> None:
     shell_complete=complete_scenarios,
     help="Show where each arm would stand for this scenario, or why it cannot do the work.",
 )
+@click.option(
+    "--check",
+    "checked",
+    metavar="FILE",
+    help="Show what is found in an arm's file, and its step response; or a shipped arm's.",
+)
+@click.option("--out", type=PATH, help="With --check: picture of the arm to write, .png.")
 @SETTINGS
-def arms(as_json: bool, markdown: bool, scenario: str | None, settings: tuple[str, ...]) -> None:
-    """List the arms that a scenario can use.
+def arms(
+    as_json: bool,
+    markdown: bool,
+    scenario: str | None,
+    checked: str | None,
+    out: Path | None,
+    settings: tuple[str, ...],
+) -> None:
+    """List the arms, or check the file of one.
 
     With --for, each arm is tried in a scenario: base, manipulability and joint-limit margin.
     """
+    if checked is not None:
+        if scenario is not None or markdown:
+            raise InputError("--check cannot be combined with --for or --markdown")
+        _check_arm(checked, settings, out, as_json=as_json)
+        return
+    if out is not None:
+        raise InputError("--out is of --check")
     from dualbend.run import arm_list
 
     if scenario is None and settings:
-        raise InputError("--set changes a scenario: give one with --for")
+        raise InputError("--set changes a scenario: give one with --for, or an arm with --check")
     if scenario is not None:
         load(scenario, settings)  # what is wrong with it is no arm's doing
     if scenario is not None and not as_json:
@@ -102,6 +128,27 @@ def arms(as_json: bool, markdown: bool, scenario: str | None, settings: tuple[st
         print_json(rows)
     else:
         click.echo(arm_list.table_markdown(rows) if markdown else arm_list.table_text(rows))
+
+
+def _check_arm(name: str, settings: tuple[str, ...], out: Path | None, *, as_json: bool) -> None:
+    """Print what is found of an arm, and draw it."""
+    if out is not None:
+        from dualbend.recording import offscreen
+
+        offscreen.prepare()  # before anything imports MuJoCo
+    from dualbend.validation import own_arm
+
+    arm = own_arm.model_of(name, settings)
+    found = own_arm.look_at(arm)
+    if as_json:
+        print_json(found)
+    else:
+        click.echo(own_arm.found_text(found))
+    if out is not None:
+        from dualbend.recording.arm_picture import draw_arm
+
+        draw_arm(arm, own_arm.middle_of(arm), out)
+        click.echo(f"{out} written", err=as_json)
 
 
 @command("dualbend materials", "dualbend materials 6061-T6", "dualbend materials --json")

@@ -86,9 +86,22 @@ def _refuse_no_sheet(given: dict[str, Any]) -> None:
 @command("dualbend validate --markdown validation.md", "dualbend validate --arm ur5")
 @JSON
 @click.option("--markdown", type=PATH, help="Markdown file to write.")
-@click.option("--arm", metavar="NAME", help="Measure one arm from dualbend arms instead.")
+@click.option("--arm", metavar="NAME", help="Measure one arm instead: its name or its file.")
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="PATH.TO.KEY=VALUE",
+    help="With --arm: what its file does not say, robot.arm.flange=tool0 for example.",
+)
 @click.option("--shell", is_flag=True, help="The shell against plate theory instead; a minute.")
-def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool) -> None:
+def validate(
+    as_json: bool,
+    markdown: Path | None,
+    arm: str | None,
+    settings: tuple[str, ...],
+    shell: bool,
+) -> None:
     """Measure the difference between simulation and theory.
 
     Takes one or two minutes. The exit code is 1 if a row fails.
@@ -97,12 +110,14 @@ def validate(as_json: bool, markdown: Path | None, arm: str | None, shell: bool)
 
     if arm is not None and shell:
         raise InputError("--arm and --shell cannot be combined: give one of them")
+    if settings and arm is None:
+        raise InputError("--set is of an arm: give one with --arm")
     if markdown is not None:
         with writing(markdown, "--markdown"), markdown.open("ab"):
             pass  # before two minutes are spent
     on_row = None if as_json else _show_row
     if arm is not None:
-        rows = run_arm_validation(arm, on_row)
+        rows = run_arm_validation(arm, on_row, settings)
     else:
         rows = run_validation(on_row, shell=shell)
     if as_json:

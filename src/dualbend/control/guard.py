@@ -20,6 +20,9 @@ class GuardConfig(Config):
     """
 
     following_error_rad: Annotated[float, said("joint against its reference", gt=0, le=10)] = 0.02
+    following_error_m: Annotated[
+        float, said("the same of a slide, such as a rail", gt=0, le=10)
+    ] = 0.01
     torque_cycles: Annotated[
         int, said("cycles in a row at the torque limit", ge=1, le=1_000_000)
     ] = 3
@@ -58,7 +61,8 @@ class Guard:
     """Checks, once per command period, what a robot controller checks.
 
     All over the n joints of both arms: their names, range (n, 2) [rad], torque limit [N m] and
-    speed limit [rad/s], of which the configured fraction is allowed. ``shape``: leading shape.
+    speed limit [rad/s], of which the configured fraction is allowed; those of ``slides`` in m and
+    N. ``shape``: leading shape.
     """
 
     def __init__(
@@ -69,8 +73,14 @@ class Guard:
         torque_limit: Vector,
         speed_limit: Vector,
         shape: tuple[int, ...] = (),
+        *,
+        slides: Collection[str] = (),
     ) -> None:
         self._config, self._joints = config, joints
+        self._slides = np.isin(joints, [*slides])
+        self._following = np.where(
+            self._slides, config.following_error_m, config.following_error_rad
+        )
         self._low, self._high = joint_range.T
         self._torque_limit = torque_limit * (1.0 - 1e-6)
         self._speed_limit = config.speed_fraction * speed_limit
@@ -95,7 +105,7 @@ class Guard:
         self._cycles_at_limit += 1
         self._cycles_at_limit *= np.abs(torque) >= self._torque_limit
         outside = np.empty((4, *q.shape), dtype=np.bool_)
-        np.greater(np.abs(q - reference), self._config.following_error_rad, out=outside[0])
+        np.greater(np.abs(q - reference), self._following, out=outside[0])
         np.greater(np.abs(speed), self._speed_limit, out=outside[1])
         np.greater_equal(self._cycles_at_limit, self._config.torque_cycles, out=outside[2])
         np.logical_or(q <= self._low, q >= self._high, out=outside[3])
@@ -111,16 +121,24 @@ class Guard:
             return
         error, speed = np.abs(q - reference), np.abs(speed)
         kind = int(np.argmax(outside.any(axis=1)))
-        measures = (error, speed / self._speed_limit, self._cycles_at_limit, outside[3])
+        measures = (
+            error / self._following,
+            speed / self._speed_limit,
+            self._cycles_at_limit,
+            outside[3],
+        )
         i = int(np.argmax(np.where(self._watched, measures[kind], -1.0)))
-        name, allowed = self._joints[i], self._config.following_error_rad
+        name, allowed = self._joints[i], self._following[i]
+        unit, torque_unit, end = "rad", "N m", f"{np.degrees(q[i]):.1f} degrees"
+        if self._slides[i]:
+            unit, torque_unit, end = "m", "N", f"{q[i]:.4g} m"
         raise ProtectiveStop(
             (
-                f"following error of {name} is {error[i]:.4g} rad, above {allowed:.4g}",
-                f"speed of {name} is {speed[i]:.4g} rad/s, above {self._speed_limit[i]:.4g}",
-                f"{name} is at its torque limit of {self._torque_limit[i]:.1f} N m "
+                f"following error of {name} is {error[i]:.4g} {unit}, above {allowed:.4g}",
+                f"speed of {name} is {speed[i]:.4g} {unit}/s, above {self._speed_limit[i]:.4g}",
+                f"{name} is at its torque limit of {self._torque_limit[i]:.1f} {torque_unit} "
                 f"for {self._cycles_at_limit[i]} cycles",
-                f"{name} is at its range's end, {np.degrees(q[i]):.1f} degrees",
+                f"{name} is at its range's end, {end}",
             )[kind],
             *self._sides[i : i + 1],
         )

@@ -141,11 +141,10 @@ class TrueArms:
                 self._move(spec, side, self.base[i])
 
     def _move(self, spec: mujoco.MjSpec, side: Side, error: Vector) -> None:
-        """Move a base, whose own frame is turned by its yaw from the bending frame."""
-        body, yaw = spec.body(f"{side}_base"), self._arms.of(side).placement.base_yaw_rad
-        turn, own, back = np.empty((3, 4))
+        """Move a base, whose own frame is turned from the bending frame."""
+        body, own = spec.body(f"{side}_base"), self._arms.of(side).placement.quat()
+        turn, back = np.empty((2, 4))
         mujoco.mju_euler2Quat(turn, error[[5, 4, 3]], "zyx")
-        mujoco.mju_euler2Quat(own, np.array([0.0, 0.0, yaw]), "xyz")
         mujoco.mju_negQuat(back, own)
         place, inner, quat = np.empty(3), np.empty(4), np.empty(4)
         mujoco.mju_rotVecQuat(place, error[:3], back)

@@ -85,7 +85,7 @@ def check_look(look: Look, run: Run, path: Path) -> None:
     if look.camera is not None and look.camera not in cameras:
         raise InputError(f"--camera {look.camera}: the cameras are {', '.join(cameras)}")
     # A run is long; what cannot be drawn after it is refused before.
-    _open_renderer(run.cell.model, _SMALLEST_PX, _SMALLEST_PX).close()
+    open_renderer(run.cell.model, _SMALLEST_PX, _SMALLEST_PX).close()
 
 
 def frame_rows(rows: int, look: Look, period_s: float) -> NDArray[np.intp]:
@@ -145,10 +145,7 @@ class Stage:
     def __init__(self, result: RunRecord, look: Look) -> None:
         self._result, self._look = result, look
         self._data = mujoco.MjData(result.model)
-        self._option = mujoco.MjvOption()
-        # Neither what only touches nor sites are looked at.
-        self._option.geomgroup[:] = (1, 1, 1, 0, 0, 0)
-        self._option.sitegroup[:] = 0
+        self._option = drawing_options()
         self._layers = layers_of(result)
         self._inset = look.inset and self._layers.close_up(result, 0) is not None
         self._camera = self._layers.camera if look.camera is None else look.camera
@@ -175,7 +172,7 @@ class Stage:
         self._open.close()
 
     def _renderer(self, width: int, height: int) -> mujoco.Renderer:
-        return self._open.enter_context(_open_renderer(self._result.model, width, height))
+        return self._open.enter_context(open_renderer(self._result.model, width, height))
 
     def picture(self, row: int) -> Image.Image:
         """Return the picture of one row, with its inset and what is happening."""
@@ -216,7 +213,16 @@ class Stage:
         _write(picture, (margin, picture.height - margin), text, 0.03)
 
 
-def _open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+def drawing_options() -> mujoco.MjvOption:
+    """Return what is drawn: neither what only touches nor sites."""
+    option = mujoco.MjvOption()
+    option.geomgroup[:] = (1, 1, 1, 0, 0, 0)
+    option.sitegroup[:] = 0
+    return option
+
+
+def open_renderer(model: mujoco.MjModel, width: int, height: int) -> mujoco.Renderer:
+    """Return what draws a model; InputError where there is no OpenGL."""
     try:
         with warnings.catch_warnings():
             # GLFW warns of what it then fails with.

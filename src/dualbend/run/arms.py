@@ -13,6 +13,7 @@ from dualbend.arm.pair import ArmPair, PlacedArm
 from dualbend.arm.placement import find_placement
 from dualbend.errors import InputError, refusing
 from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.sections import RobotConfig, refuse_other_count
 from dualbend.scene.cell import PlacementConfig
 from dualbend.types import SIDES, Side, Vector
 
@@ -20,6 +21,7 @@ _FEWEST = 12
 """Poses for which a place is found: a path of few knots has as many of them in between."""
 
 _KEYS = ("base_distance_m", "base_lateral_m", "base_height_m", "base_yaw_rad", "home_rad")
+_TILTS = ("base_roll_rad", "base_pitch_rad")
 
 
 def arm_pair(scenario: Scenario, targets: Mapping[Side, Vector] | None = None) -> ArmPair:
@@ -37,19 +39,33 @@ def arm_pair(scenario: Scenario, targets: Mapping[Side, Vector] | None = None) -
     return ArmPair(left=left, right=right)
 
 
+def side_arm(scenario: Scenario, side: Side) -> ArmModel:
+    """Return one side's arm, from its name or its file.
+
+    Raises InputError where the file lacks something, or a list of the scenario has not one value
+    per joint.
+    """
+    robot = scenario.robot
+    with refusing(f"scenario {scenario.name!r}, {side} arm"):
+        model = arm_model(robot.of(side), robot.facts(side))
+    errors = scenario.imperfections.robot
+    refuse_other_count(side, model.name, model.count, robot, scenario.cell, errors)
+    return model
+
+
 def _placed(scenario: Scenario, side: Side, targets: Mapping[Side, Vector] | None) -> PlacedArm:
-    model, given = arm_model(scenario.robot.of(side)), _by_hand(scenario, side)
+    model, given = side_arm(scenario, side), _by_hand(scenario, side)
     if "home_rad" in given:
         own = getattr(scenario.cell, side)
         mine = own is not None and own.home_rad is not None
         _refuse_home(model, given["home_rad"], f"cell.{side}.home_rad" if mine else "cell.home_rad")
     if model.placement is not None:
         given = {**vars(model.placement), **given}
-    if len(given) == len(_KEYS):
+    if all(key in given for key in _KEYS):
         return PlacedArm(model=model, placement=Placement(**given))
     with refusing(f"scenario {scenario.name!r}, {side} arm"):
         wanted = path_targets(scenario) if targets is None else targets[side]
-        return PlacedArm(model=model, placement=find_placement(model.name, wanted, given))
+        return PlacedArm(model=model, placement=find_placement(model, wanted, given))
 
 
 def _refuse_home(model: ArmModel, home_rad: tuple[float, ...], key: str) -> None:
@@ -91,20 +107,43 @@ def path_targets(scenario: Scenario) -> Vector:
 def with_placements(scenario: Scenario, targets: Mapping[Side, Vector] | None = None) -> Scenario:
     """Return the scenario with both arms' places written into ``cell``: nothing is left to find."""
     arms = arm_pair(scenario, targets)
-    left, right = (PlacementConfig(**vars(placed.placement)) for placed in arms)
-    told: dict[str, Any] = dict.fromkeys((*_KEYS, "left", "right"))
+    left, right = (PlacementConfig(**_told(placed.placement)) for placed in arms)
+    told: dict[str, Any] = dict.fromkeys((*_KEYS, *_TILTS, "left", "right"))
     if arms.alike:
-        told |= {key: getattr(left, key) for key in _KEYS}
+        told |= {key: getattr(left, key) for key in (*_KEYS, *_TILTS)}
     else:
         told |= {"left": left, "right": right}
     cell = msgspec.structs.replace(scenario.cell, **told)
-    return msgspec.structs.replace(scenario, cell=cell)
+    return msgspec.structs.replace(scenario, cell=cell, robot=_with_sha256(scenario, arms))
+
+
+def _told(placement: Placement) -> dict[str, Any]:
+    """Return the keys of a place; a base that stands upright needs no tilt."""
+    keys = vars(placement)
+    return {key: value for key, value in keys.items() if value or key not in _TILTS}
+
+
+def _with_sha256(scenario: Scenario, arms: ArmPair) -> RobotConfig:
+    """Return the section with the SHA-256 of the arms' files, so that a changed one is noticed."""
+    robot = scenario.robot
+    for side, placed in zip(SIDES, arms, strict=True):
+        file, own = placed.model.file, robot.own(side)
+        if file is None or not file.sha256:
+            continue
+        facts = (own if own.model else robot).arm
+        told = msgspec.structs.replace(facts, sha256=file.sha256)
+        if own.model:
+            robot = msgspec.structs.replace(robot, **{side: msgspec.structs.replace(own, arm=told)})
+        else:
+            robot = msgspec.structs.replace(robot, arm=told)
+    return robot
 
 
 def _by_hand(scenario: Scenario, side: Side) -> dict[str, Any]:
     """Return what the scenario says of one side's place, its own keys before those of both."""
     own = getattr(scenario.cell, side) or PlacementConfig()
-    said = {key: (getattr(own, key), getattr(scenario.cell, key)) for key in _KEYS}
+    keys = (*_KEYS, *_TILTS)
+    said = {key: (getattr(own, key), getattr(scenario.cell, key)) for key in keys}
     firsts = {k: both if mine is None else mine for k, (mine, both) in said.items()}
     return {key: value for key, value in firsts.items() if value is not None}
 
@@ -113,7 +152,7 @@ def joint_stiffness(scenario: Scenario) -> Vector:
     """Return the stiffness of all joints' servos (n,) [N m/rad]: as given, else each arm's own."""
     robot = scenario.robot
     given = [
-        robot.stiffness_n_m_per_rad(side) or arm_model(robot.of(side)).stiffness_n_m_per_rad
+        robot.stiffness_n_m_per_rad(side) or side_arm(scenario, side).stiffness_n_m_per_rad
         for side in SIDES
     ]
     return np.concatenate(given)

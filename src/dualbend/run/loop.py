@@ -116,7 +116,7 @@ class Run:
             self.sensors.arms,
             simulation.model.nq,
             self.scenario.sheet.model.sections,
-            simulation.joints,
+            self.cell.arms.slides,
             task_of(self.scenario).part("columns")(self.scenario),
             link=self.scenario.imperfections.link.errs,
             slips=self.scenario.grasp.friction is not None,
@@ -128,6 +128,7 @@ class Run:
             simulation.joint_range,
             simulation.torque_limit,
             self.cell.arms.speed_limit,
+            slides=[name for name, slides in self.cell.arms.slides.items() if slides],
         )
         self._sensor_guard = SensorGuard(
             self.scenario.guard,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -31,15 +31,15 @@ _COMMAND = (("x", "m"), ("z", "m"), ("alpha", "rad"))
 _WRENCH = tuple((f"force_{a}", "N") for a in "xyz") + tuple((f"moment_{a}", "N m") for a in "xyz")
 
 
-def _joint_columns(joints: Sequence[str], kind: str, unit: str) -> list[tuple[str, str]]:
-    """Return ``left_q_joint1`` for ``left_joint1``."""
-    return [(name.replace("_", f"_{kind}_", 1), unit) for name in joints]
+def _joint_columns(joints: Mapping[str, bool], kind: str, *units: str) -> list[tuple[str, str]]:
+    """Return ``left_q_joint1`` for ``left_joint1``, with the unit of a hinge or of a slide."""
+    return [(name.replace("_", f"_{kind}_", 1), units[slides]) for name, slides in joints.items()]
 
 
 def trace_columns(
     sensing: Sequence[int],
     hinges: int,
-    joints: Sequence[str],
+    joints: Mapping[str, bool],
     task: Sequence[tuple[str, str]] = (),
     *,
     link: bool = False,
@@ -65,9 +65,9 @@ def trace_columns(
             for part, unit in (("x", "m"), ("alpha", "rad"))
         ],
         "command": [(f"{side}_command_{part}", unit) for side in SIDES for part, unit in _COMMAND],
-        "q": _joint_columns(joints, "q", "rad"),
-        "setpoint": _joint_columns(joints, "setpoint", "rad"),
-        "torque": _joint_columns(joints, "torque", "N m"),
+        "q": _joint_columns(joints, "q", "rad", "m"),
+        "setpoint": _joint_columns(joints, "setpoint", "rad", "m"),
+        "torque": _joint_columns(joints, "torque", "N m", "N"),
         "ik": [("ik_position", "m"), ("ik_rotation", "rad"), ("ik_iterations", "1")],
         **{
             f"reading{i}": [
@@ -210,7 +210,7 @@ class TraceRecorder(Trace):
     sensing
         Indices of the arms with a sensor: they get columns for the chain's readings.
     hinges, joints
-        Number of bending hinges; names of the arms' joints, such as ``left_joint1``.
+        Number of bending hinges; arms' joints, such as ``left_joint1``, True of a slide.
     task
         Further columns, with their units, that only this task has.
     link, slips
@@ -223,7 +223,7 @@ class TraceRecorder(Trace):
         sensing: Sequence[int],
         qpos_size: int,
         hinges: int,
-        joints: Sequence[str],
+        joints: Mapping[str, bool],
         task: Sequence[tuple[str, str]] = (),
         *,
         link: bool = False,

@@ -16,7 +16,7 @@ from dualbend.registry import holds, own_names
 from dualbend.resources import scenarios_dir
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_absurd, refuse_unknown
 from dualbend.scenario.scenario import Scenario
-from dualbend.scenario.sections import without_other_arms
+from dualbend.scenario.sections import with_arm_files, without_other_arms
 from dualbend.scenario.structs import KIND, Kinds, fields_in, has_kinds
 
 Settings: TypeAlias = Sequence[str] | Mapping[str, Any]
@@ -79,7 +79,11 @@ def resolve_scenario(
         if isinstance(settings, Mapping)
         else [(f"--set {shortened(text, 80)}", _table_of(text)) for text in settings]
     )
-    parts = [(said, *_split(_short_forms(table, *folders), _SCENARIO)) for said, table in given]
+    here = Path()
+    parts = [
+        (said, *_split(_with_arms_from(here, _short_forms(table, *folders)), _SCENARIO))
+        for said, table in given
+    ]
     # What replaces other keys (a new kind, material or arm) comes first, the others stay, in the
     # order given.
     for said, table in (
@@ -152,7 +156,8 @@ def _find(name_or_file: str) -> Path:
 
 def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     """Return the file's table merged over the one it extends."""
-    data = _learned_from(path.parent, _short_forms(read_toml(path), path.parent))
+    data = _with_arms_from(path.parent, _short_forms(read_toml(path), path.parent))
+    data = _learned_from(path.parent, data)
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
     refuse_absurd(data, path.name, ())
@@ -228,6 +233,13 @@ def _with_options(scenario: Scenario, source: str) -> Scenario:
     }
     config = msgspec.structs.replace(config, options={**config.options, **plain})
     return msgspec.structs.replace(scenario, compliance=config)
+
+
+def _with_arms_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:
+    """Return tables in which the arms' files are found from a folder."""
+    if "robot" not in tables:
+        return tables
+    return {**tables, "robot": with_arm_files(tables["robot"], folder)}
 
 
 def _laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

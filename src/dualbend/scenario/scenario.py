@@ -29,6 +29,7 @@ from dualbend.scenario.sections import (
     ExpectConfig,
     PhysicsConfig,
     RobotConfig,
+    check_arms,
     check_joint_counts,
 )
 from dualbend.scenario.sheet import SheetConfig
@@ -80,6 +81,7 @@ class Scenario(Config):
         refuse_filter(self.filter, self.period_s)
         if self.learning is not None:
             refuse_beyond_nyquist("learning.cutoff_hz", self.learning.cutoff_hz, self.period_s)
+        check_arms(self.robot)
         check_joint_counts(self.robot, self.cell, self.imperfections.robot)
         self.task.check(self.sheet, self.motion)
         if self.robot.servo.friction_estimate is not None and not self.task.moves_freely:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 
-from dualbend.arm.catalog import JOINT_COUNT, ArmName
+from dualbend.arm.catalog import JOINT_COUNT, known_arm
+from dualbend.arm.facts import ArmFacts
+from dualbend.arm.file import is_file
 from dualbend.control.alter import AlterConfig
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.response import CommandResponseConfig
@@ -20,19 +24,41 @@ from dualbend.types import SIDES, Config, Side, said
 Outcome = Literal["completed", "aborted", "protective_stop", "failed"]
 
 
+_ARMS = (*JOINT_COUNT, "my_arm.urdf")
+
+
 class SideConfig(Config):
     """What one arm has of its own; what is not given is as for both arms."""
 
     model: (
-        Annotated[ArmName, said("kind of this arm, if another", extra={"replaces": ()})] | None
+        Annotated[
+            str,
+            said(
+                "kind of this arm, if another",
+                max_length=4000,
+                examples=[*_ARMS],
+                extra={"replaces": ()},
+            ),
+        ]
+        | None
     ) = None
+    arm: ArmFacts = ArmFacts()
     servo: StiffnessConfig = StiffnessConfig()
 
 
 class RobotConfig(Config):
-    """Both arms: the PUMA 560, or one of those that the package example-robot-data describes."""
+    """Both arms: a name of `dualbend arms`, or the file of an arm, URDF or MJCF."""
 
-    model: Annotated[ArmName, said("kind of both arms", extra={"replaces": ()})] = "puma560"
+    model: Annotated[
+        str,
+        said(
+            f"kind of both arms: {', '.join(JOINT_COUNT)}, or a file that ends in .urdf or .xml",
+            max_length=4000,
+            examples=[*_ARMS],
+            extra={"replaces": ()},
+        ),
+    ] = "puma560"
+    arm: ArmFacts = ArmFacts()
     command_period_s: Annotated[
         float, said("one set-point in this time, to both arms [s]", ge=1e-3, le=0.05)
     ] = COMMAND_PERIOD_S
@@ -46,32 +72,89 @@ class RobotConfig(Config):
         """Return what one side has of its own."""
         return self.left if side == "left" else self.right
 
-    def of(self, side: Side) -> ArmName:
-        """Return the name of one side's arm."""
+    def of(self, side: Side) -> str:
+        """Return the name or file of one side's arm."""
         return self.own(side).model or self.model
+
+    def facts(self, side: Side) -> ArmFacts:
+        """Return what the file of one side's arm does not say."""
+        own = self.own(side)
+        return own.arm if own.model else own.arm.over(self.arm)
 
     def stiffness_n_m_per_rad(self, side: Side) -> tuple[float, ...] | None:
         """Return the stiffness of one side's joint servos [N m/rad]; None: the arm's own."""
         return self.own(side).servo.stiffness_n_m_per_rad or self.servo.stiffness_n_m_per_rad
 
 
+def check_arms(robot: RobotConfig) -> None:
+    """Raise InputError where an arm has no name that is known, and is no file."""
+    for key, model in (
+        ("robot.model", robot.model),
+        ("robot.left.model", robot.left.model),
+        ("robot.right.model", robot.right.model),
+    ):
+        if model is not None and not is_file(model):
+            known_arm(model, key)
+
+
+def refuse_other_count(
+    side: Side,
+    name: str,
+    count: int,
+    robot: RobotConfig,
+    cell: CellConfig,
+    errors: RobotErrors,
+) -> None:
+    """Raise InputError where a list has not one value for each joint of an arm."""
+    own = robot.own(side).servo
+    stand = (cell.left if side == "left" else cell.right) or cell
+    for key, values in (
+        (f"robot.{side}.servo.stiffness_n_m_per_rad", own.stiffness_n_m_per_rad),
+        ("robot.servo.stiffness_n_m_per_rad", robot.stiffness_n_m_per_rad(side)),
+        ("cell.home_rad", cell.home_rad),
+        (f"cell.{side}.home_rad", stand.home_rad),
+        ("imperfections.robot.zero_rad", errors.zero_rad),
+    ):
+        if values is not None and len(values) != count:
+            raise InputError(
+                f"{key} has {len(values)} values, the {side} arm {name!r} has {count} joints"
+            )
+
+
 def check_joint_counts(robot: RobotConfig, cell: CellConfig, errors: RobotErrors) -> None:
-    """Raise InputError where a list has not one value per joint of the arm that it is of."""
+    """Raise InputError where a list has not one value per joint of a shipped arm that it is of."""
     for side in SIDES:
-        name, own = robot.of(side), robot.own(side).servo
-        stand = (cell.left if side == "left" else cell.right) or cell
-        for key, values in (
-            (f"robot.{side}.servo.stiffness_n_m_per_rad", own.stiffness_n_m_per_rad),
-            ("robot.servo.stiffness_n_m_per_rad", robot.stiffness_n_m_per_rad(side)),
-            ("cell.home_rad", cell.home_rad),
-            (f"cell.{side}.home_rad", stand.home_rad),
-            ("imperfections.robot.zero_rad", errors.zero_rad),
-        ):
-            if values is not None and len(values) != JOINT_COUNT[name]:
-                raise InputError(
-                    f"{key} has {len(values)} values, the {side} arm {name!r} has "
-                    f"{JOINT_COUNT[name]} joints"
-                )
+        name = robot.of(side)
+        if not is_file(name):
+            refuse_other_count(side, name, JOINT_COUNT[known_arm(name)], robot, cell, errors)
+
+
+def with_arm_files(robot: object, folder: Path) -> object:
+    """Return a table ``robot`` in which arms' files and package folders are found from a folder.
+
+    Their paths are absolute, so that a run's own scenario finds them from wherever it is.
+    """
+    if not isinstance(robot, dict):
+        return robot
+
+    def found(path: object) -> object:
+        return (
+            os.path.normpath(folder.absolute() / Path(path).expanduser())
+            if isinstance(path, str)
+            else path
+        )
+
+    told = dict(robot)
+    model = told.get("model")
+    if isinstance(model, str) and is_file(model):
+        told["model"] = found(model)
+    facts = told.get("arm")
+    if isinstance(facts, dict) and isinstance(facts.get("packages"), list | tuple):
+        told["arm"] = {**facts, "packages": [found(path) for path in facts["packages"]]}
+    for side in SIDES:
+        if side in told:
+            told[side] = with_arm_files(told[side], folder)
+    return told
 
 
 _PLACEMENT = tuple(field.encode_name for field in msgspec.structs.fields(PlacementConfig))
@@ -98,8 +181,16 @@ def without_other_arms(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict
     if cell or "cell" in base:
         merged["cell"] = cell
     robot: dict[str, Any] = {**before, "servo": _without_stiffness(before)}
-    for side in changed:
-        robot[side] = {**_table(before, side), "servo": _without_stiffness(_table(before, side))}
+    facts = robot.pop("arm", None)
+    for side in SIDES:
+        own = dict(_table(before, side))
+        if side in changed:
+            own.pop("arm", None)
+            own["servo"] = _without_stiffness(own)
+        elif facts:
+            own["arm"] = {**facts, **_table(own, "arm")}
+        if own:
+            robot[side] = own
     merged["robot"] = robot
     return merged
 

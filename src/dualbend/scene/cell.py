@@ -10,13 +10,14 @@ import numpy as np
 
 from dualbend.arm import mjcf as arm
 from dualbend.arm.pair import ArmPair
+from dualbend.arm.placement import COLUMN_FROM_M, COLUMN_RADIUS_M
 from dualbend.beam.sheet import Sheet
 from dualbend.control.servo import JointServo
 from dualbend.scene.bed.config import LayoutConfig
 from dualbend.scene.bed.holes import add_holes
 from dualbend.scene.bed.mjcf import add_workplace
 from dualbend.scene.contacts import FLOOR, GRIPPING, let_arms_touch
-from dualbend.scene.mjcf import BOX, DRAWN, SITE, about_z
+from dualbend.scene.mjcf import BOX, DRAWN, SITE, add_sky
 from dualbend.scene.sheet.shell import ShellConfig, add_shell
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig, add_sheet
 from dualbend.types import SIDES, Config, Side, said
@@ -28,8 +29,6 @@ _WELD_TIME_S, _WELD_TORQUE_SCALE_M = 5e-4, 10.0
 _HOLD_WEIGHT = 10.0, 1e-3
 """Mass [kg] and inertia [kg m²] by which MuJoCo is to scale both sides of a hold."""
 
-_PEDESTAL_FROM_M = 0.02
-
 PAD_LENGTH_M, PAD_WIDTH_M = 0.020, 0.060
 """Of a rubber pad, along the sheet and across it."""
 
@@ -40,7 +39,7 @@ class PlacementConfig(Config):
     """Where one arm stands, by hand; what is not given is as for both arms."""
 
     base_distance_m: (
-        Annotated[float, said("base axis to the mid-plane, along x_B", gt=0.3, lt=3)] | None
+        Annotated[float, said("base axis to the mid-plane, along x_B", ge=0, lt=3)] | None
     ) = None
     base_lateral_m: (
         Annotated[float, said("base axis off the bending plane, along y_B", ge=-1, le=1)] | None
@@ -50,6 +49,13 @@ class PlacementConfig(Config):
     ) = None
     base_yaw_rad: (
         Annotated[float, said("base frame about the vertical, from x_B", ge=-7, le=7)] | None
+    ) = None
+    base_roll_rad: (
+        Annotated[float, said("base frame turned about x_B, first; none: upright", ge=-3.2, le=3.2)]
+        | None
+    ) = None
+    base_pitch_rad: (
+        Annotated[float, said("then about y_B; 1.5708 on a wall behind", ge=-3.2, le=3.2)] | None
     ) = None
     home_rad: (
         Annotated[
@@ -202,11 +208,11 @@ def harden_holds(model: mujoco.MjModel) -> None:
 
 def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> None:
     """Attach one arm with its tool; every name gets the side as a prefix."""
-    origin, yaw = arms.base_pose(side)
-    frame = spec.worldbody.add_frame(pos=origin, quat=about_z(yaw))
-    model = arms.of(side).model
+    origin, quat = arms.base_pose(side)
+    frame = spec.worldbody.add_frame(pos=origin, quat=quat)
+    model, placement = arms.of(side).model, arms.of(side).placement
     spec.attach(model.spec(looks=looks), frame=frame, prefix=f"{side}_")
-    if model.placement is None and origin[2] > _PEDESTAL_FROM_M:
+    if model.placement is None and placement.upright and origin[2] > COLUMN_FROM_M:
         _add_pedestal(spec.body(f"{side}_base"), float(origin[2]))
     tool = arm.load_gripper()
     # Arm and tool share a prefix; two classes of one name would not load again from the XML.
@@ -216,7 +222,10 @@ def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> 
 
 def _add_pedestal(base: mujoco.MjsBody, height_m: float) -> None:
     """Put a column under a base that stands above the floor, and about it a capsule to touch."""
-    for radius, top, bottom in ((0.07, 0.0, -height_m), (0.16, -height_m + 0.015, -height_m)):
+    for radius, top, bottom in (
+        (COLUMN_RADIUS_M, 0.0, -height_m),
+        (0.16, -height_m + 0.015, -height_m),
+    ):
         base.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER,
             size=[radius, 0.5 * (top - bottom), 0.0],
@@ -227,7 +236,7 @@ def _add_pedestal(base: mujoco.MjsBody, height_m: float) -> None:
         )
     base.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        size=[0.07, max(height_m / 2 - 0.07, 1e-3), 0.0],
+        size=[COLUMN_RADIUS_M, max(height_m / 2 - COLUMN_RADIUS_M, 1e-3), 0.0],
         pos=[0.0, 0.0, -height_m / 2],
         mass=0.0,
         group=3,
@@ -299,15 +308,7 @@ def _add_surroundings(spec: mujoco.MjSpec, cell: CellConfig) -> None:
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     spec.visual.headlight.ambient[:] = 0.45
     spec.visual.headlight.diffuse[:] = 0.45
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.93, 0.95, 0.97],
-        rgb2=[0.70, 0.76, 0.82],
-        width=64,
-        height=384,
-    )
+    add_sky(spec)
     spec.worldbody.add_geom(
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_PLANE,

@@ -23,6 +23,19 @@ def about_z(angle_rad: float) -> tuple[float, float, float, float]:
     return math.cos(angle_rad / 2), 0.0, 0.0, math.sin(angle_rad / 2)
 
 
+def add_sky(spec: mujoco.MjSpec) -> None:
+    """Put a light sky around a scene that is drawn."""
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.93, 0.95, 0.97],
+        rgb2=[0.70, 0.76, 0.82],
+        width=64,
+        height=384,
+    )
+
+
 def make_plate(body: mujoco.MjsBody, sheet: Sheet, length_m: float, centre_x_m: float) -> None:
     """Give a body the inertia of a stretch of the flat sheet, centred on the body's x axis."""
     w, t = sheet.width_m, sheet.thickness_m

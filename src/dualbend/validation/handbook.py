@@ -9,8 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from dualbend.arm.catalog import ArmName
-
 
 @dataclass(frozen=True, kw_only=True)
 class Strip:
@@ -102,7 +100,7 @@ class Arm:
 # The data sheets have ±360° for all joints; ur_description halves the elbow's for planners.
 _UR_RANGE: Final = ((-360.0, 360.0),) * 2 + ((-180.0, 180.0),) + ((-360.0, 360.0),) * 3
 
-ARMS: Final[dict[ArmName, Arm]] = {
+ARMS: Final[dict[str, Arm]] = {
     # Masses: Armstrong, Khatib and Burdick (1986), the waist's link is not in it. Flange at zero:
     # x = a2 + a3 = 431.8 + 20.3 mm, y = −150.05 mm, z = 431.8 + 56.25 mm; ranges: the PUMA 500
     # manual, as in Corke and Armstrong-Hélouvry (1994).

@@ -7,7 +7,7 @@ without rotors. Nothing of MuJoCo is asked.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +28,7 @@ class Link:
     ----------
     pose : (4, 4) of the joint's frame in the frame of the link before [m]
     axis : (3,) unit vector in the joint's frame; zero for a joint that is fixed
+    slides : the joint moves along the axis, not about it
     mass_kg, centre_m, inertia_kg_m2 : mass, centre (3,) and inertia (3, 3) about the centre, in the
         link's frame, which is the joint's turned about the axis by the joint's angle
     """
@@ -37,11 +38,12 @@ class Link:
     mass_kg: float
     centre_m: Vector
     inertia_kg_m2: Vector
+    slides: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SerialArm:
-    """Links from base to tip, n of which turn, and the flange (4, 4) in the frame of the last."""
+    """Links from base to tip, n of which move, and the flange (4, 4) in the frame of the last."""
 
     links: tuple[Link, ...]
     flange: Vector
@@ -60,7 +62,10 @@ class SerialArm:
         frames = [np.eye(4)]
         for link, angle in zip(self.links, angles, strict=True):
             own = np.eye(4, dtype=angles.dtype)
-            own[:3, :3] = _turn(link.axis, angle)
+            if link.slides:
+                own[:3, 3] = link.axis * angle
+            else:
+                own[:3, :3] = _turn(link.axis, angle)
             frames.append(frames[-1] @ link.pose @ own)
         return np.array(frames)
 
@@ -98,12 +103,14 @@ class SerialArm:
         frames, turning = self.frames(q_rad)[1:], self._turning
         places = frames[:, :3, 3]
         axes = np.array([T[:3, :3] @ link.axis for T, link in zip(frames, self.links, strict=True)])
+        slides = np.array([link.slides for link in self.links])[:, None]
         for i, link in enumerate(self.links):
             R = frames[i, :3, :3]
             # Joints beyond do not move it.
             moving = axes * (np.arange(len(axes)) <= i)[:, None]
-            linear = np.cross(moving, places[i] + R @ link.centre_m - places)
-            yield link, linear[turning].T, moving[turning].T, R
+            turned = np.cross(moving, places[i] + R @ link.centre_m - places)
+            linear, angular = np.where(slides, moving, turned), np.where(slides, 0.0, moving)
+            yield link, linear[turning].T, angular[turning].T, R
 
 
 def _turn(axis: Vector, angle: float) -> Vector:
@@ -112,3 +119,16 @@ def _turn(axis: Vector, angle: float) -> Vector:
     along = np.outer(axis, axis)
     across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(along + np.cos(angle) * (np.eye(3) - along) + np.sin(angle) * across)
+
+
+def joined(link: Link, mass_kg: float, centre_m: Vector, inertia_kg_m2: Vector) -> Link:
+    """Return a link with another body, given in the link's frame, as one; Steiner."""
+    total = link.mass_kg + mass_kg
+    if not total:
+        return link
+    centre = (link.mass_kg * link.centre_m + mass_kg * centre_m) / total
+    inertia = link.inertia_kg_m2 + inertia_kg_m2
+    for mass, at in ((link.mass_kg, link.centre_m), (mass_kg, centre_m)):
+        away = at - centre
+        inertia = inertia + mass * (away @ away * np.eye(3) - np.outer(away, away))
+    return replace(link, mass_kg=total, centre_m=centre, inertia_kg_m2=inertia)

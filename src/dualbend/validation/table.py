@@ -5,9 +5,9 @@ Every row comes from a small function of a module beside this one; nothing in it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
-from dualbend.arm.model import PUMA
+from dualbend.arm.model import PUMA, arm_model
 from dualbend.validation.cases import (
     arm,
     assembly,
@@ -36,12 +36,15 @@ def run_validation(
     return _collect(_shell_rows() if shell else _rows(), on_row)
 
 
-def run_arm_validation(name: str, on_row: Callable[[Row], None] | None = None) -> list[Row]:
+def run_arm_validation(
+    name: str, on_row: Callable[[Row], None] | None = None, settings: Sequence[str] = ()
+) -> list[Row]:
     """Return the rows of one arm, as :func:`run_validation` does. Takes 30 s on one core.
 
-    Raises InputError where there is no such arm, or it cannot do the paper's experiment.
+    ``name``: of a shipped arm, or its file; ``settings`` say what the file does not. Raises
+    InputError where there is no such arm, or it cannot do the paper's experiment.
     """
-    return _collect(urdf.arm_rows(name), on_row)
+    return _collect(urdf.arm_rows(name, settings), on_row)
 
 
 def _collect(found: Iterator[Row], on_row: Callable[[Row], None] | None) -> list[Row]:
@@ -68,7 +71,7 @@ def _rows() -> Iterator[Row]:
     yield from modes.frequency_rows()
     yield from space.space_rows()
     yield from arm.table_rows()
-    yield from properties.arm_rows(PUMA)
+    yield from properties.arm_rows(arm_model(PUMA))
     yield from cell.response_rows()
     yield from cell.stiffness_rows()
     yield from arm.held_weight_rows()

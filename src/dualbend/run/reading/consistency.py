@@ -11,8 +11,8 @@ from typing import Any, get_args
 import msgspec
 import numpy as np
 
-from dualbend.arm.model import arm_model
 from dualbend.errors import InputError, refusing
+from dualbend.run.arms import side_arm
 from dualbend.run.record import RunRecord, task_of
 from dualbend.run.trace import OBSERVED, trace_columns
 from dualbend.scenario.scenario import Scenario
@@ -56,14 +56,15 @@ def refuse_contradictions(
 
 def columns_of(scenario: Scenario) -> dict[str, list[tuple[str, str]]]:
     """Return names and units of the columns that a run of a scenario records, by their origin."""
+    joints = {
+        f"{side}_{joint}": slides
+        for side in SIDES
+        for joint, slides in side_arm(scenario, side).scene_slides.items()
+    }
     return trace_columns(
         [i for i, side in enumerate(SIDES) if side in scenario.compliance.sensing],
         scenario.sheet.model.sections,
-        [
-            f"{side}_joint{i}"
-            for side in SIDES
-            for i in range(1, arm_model(scenario.robot.of(side)).count + 1)
-        ],
+        joints,
         task_of(scenario).part("columns")(scenario),
         link=scenario.imperfections.link.errs,
         slips=scenario.grasp.friction is not None,

@@ -14,8 +14,7 @@ import mujoco
 import numpy as np
 
 from dualbend.arm import mjcf as arm
-from dualbend.arm.catalog import ArmName
-from dualbend.arm.model import arm_model
+from dualbend.arm.model import ArmModel
 from dualbend.beam.path import ExactPath
 from dualbend.beam.rod.planar import solve_planar
 from dualbend.beam.sheet import Sheet
@@ -148,11 +147,11 @@ def shell_rows() -> Iterator[Row]:
     yield _row("EA of the shell, pulled", found, STRIP.axial_stiffness_n, "N", _SHELL_WITHIN)
 
 
-def arm_rows(name: ArmName) -> Iterator[Row]:
+def arm_rows(about: ArmModel) -> Iterator[Row]:
     """Compare an arm's model with what is published of it; nothing where nothing was found."""
-    if name not in ARMS:
+    name, published = about.name, ARMS.get(about.name)
+    if published is None:
         return
-    published, about = ARMS[name], arm_model(name)
     model = about.spec(looks=False).compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

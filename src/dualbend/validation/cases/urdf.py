@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from dualbend.arm.catalog import ArmName, arm_name
+from dualbend.arm.catalog import known_arm
+from dualbend.arm.file import is_file
 from dualbend.arm.joint_limits import joint_limit_margins
-from dualbend.arm.model import PUMA, arm_model
+from dualbend.arm.model import PUMA, ArmModel
 from dualbend.arm.placement import MIN_MARGIN_RAD
 from dualbend.task.bending.run import BendingRun
 from dualbend.validation.cases import properties
@@ -42,19 +43,22 @@ EXPERIMENTS = {
 """On ``exact``'s light strip, in a perfect cell: every arm bears it."""
 
 
-def arm_rows(name: str) -> Iterator[Row]:
+def arm_rows(name: str, settings: Sequence[str] = ()) -> Iterator[Row]:
     """Measure one kind of arm, two of them in the paper's cell; takes 30 s.
 
+    ``name``: of a shipped arm, or its file, with ``settings`` such as ``robot.arm.flange=tool0``.
     Raises InputError where there is no such arm, or it cannot do the experiment.
     """
-    arm = arm_name(name, "--arm")
-    settings = (f'robot.model="{arm}"',)
+    if not is_file(name):
+        known_arm(name, "--arm")
+    settings = (f'robot.model="{name}"', *settings)
     # What refuses the arm comes first.
     ready = {
         name: BendingRun(perfect_scenario("exact", (*settings, *changes)))
         for name, changes in EXPERIMENTS.items()
     }
-    yield from table_rows() if arm == PUMA else model_rows(arm)
+    arm = next(iter(ready.values())).cell.arms.left.model
+    yield from table_rows() if arm.name == PUMA else model_rows(arm)
     yield from properties.arm_rows(arm)
     yield from response_rows(settings)
     yield from stiffness_rows(settings)
@@ -62,14 +66,13 @@ def arm_rows(name: str) -> Iterator[Row]:
         yield from experiment_rows(experiment, run)
 
 
-def model_rows(name: ArmName, configurations: int = 20) -> Iterator[Row]:
-    """Compare flange pose, gravity torques and mass matrix with the equations of the URDF."""
-    arm = arm_model(name)
-    assert arm.urdf is not None
+def model_rows(arm: ArmModel, configurations: int = 20) -> Iterator[Row]:
+    """Compare flange pose, gravity torques and mass matrix with the equations of the file."""
+    assert arm.file is not None
     low, high = np.array(arm.range_rad).T
     angles = np.random.default_rng(_SEED).uniform(low, high, (configurations, arm.count))
-    model, theory = arm.spec(looks=False).compile(), equations_of(arm.urdf)
-    text, limit = f"{name} {{}}, rel. difference from the URDF", _MODEL_LIMIT
+    model, theory = arm.spec(looks=False).compile(), equations_of(arm.file)
+    text, limit = f"{arm.name} {{}}, rel. difference from the URDF", _MODEL_LIMIT
     yield from difference_rows(text, model, theory, arm.armature_kg_m2, angles, limit)
 
 
