@@ -67,7 +67,8 @@ def make(
     admittance = Admittance(config, period_s=COMMAND_PERIOD_S, shape=(count,))
     compliance = PairCompliance(admittance, sensing=sensing, complying=complying)
     return Loop(
-        WristSensors(chain, sensing), ControlledPath(compliance, delay_cycles=delay, mode=mode)
+        WristSensors(chain, sensing),
+        ControlledPath(compliance, delay_cycles=(delay, delay), mode=mode),
     )
 
 
@@ -230,7 +231,7 @@ def test_a_bound_that_is_met_is_told() -> None:
 def test_a_deviation_out_of_the_bending_plane_is_refused(component: int) -> None:
     deviation = np.zeros((2, 6))
     deviation[1, component] = 1e-9
-    path = ControlledPath(lambda _: deviation, delay_cycles=0, mode="world")
+    path = ControlledPath(lambda _: deviation, delay_cycles=(0, 0), mode="world")
     with pytest.raises(ControllerFailed, match="need 0 in components 1, 3 and 5"):
         path.command(observe(make(), (NOTHING, NOTHING)))
 

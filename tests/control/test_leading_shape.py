@@ -520,7 +520,7 @@ def test_from_the_wrists_to_the_commanded_poses(
         admittance = Admittance(config, period_s=T, shape=arms)
         path = ControlledPath(
             PairCompliance(admittance, sensing=sensing, complying=complying),
-            delay_cycles=2,
+            delay_cycles=(2, 2),
             mode="tool",
             shape=shape,
         )

@@ -172,10 +172,10 @@ def test_a_controller_that_fails_is_told_with_the_line_that_failed() -> None:
         np.eye(3),
     )
     observation = observe(WristSensors(chain, [0]), np.zeros((2, 6)))
-    path = ControlledPath(careless, delay_cycles=0, mode="world")
+    path = ControlledPath(careless, delay_cycles=(0, 0), mode="world")
     # Exact: the innermost frame, where it was raised.
     expected = rf"KeyError: 'no such gain' \(test_time_in_the_loop\.py:{line}\)"
     with pytest.raises(ControllerFailed, match=expected):
         path.command(observation)
     with pytest.raises(ControllerFailed, match=r"Singular matrix \(_?linalg\.py:\d+\)"):
-        ControlledPath(singular, delay_cycles=0, mode="world").command(observation)
+        ControlledPath(singular, delay_cycles=(0, 0), mode="world").command(observation)

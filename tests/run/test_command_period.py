@@ -12,6 +12,7 @@ from dualbend.errors import InputError
 from dualbend.run.disk.saved import load_run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
+from dualbend.stability.prediction import predict
 from dualbend.task.bending.run import BendingRun
 from support.left_runs import leave
 from support.strip import STRIP6
@@ -99,3 +100,36 @@ def test_a_sensor_that_keeps_step_with_the_commands_is_one_that_answers_them() -
 def test_a_period_that_cannot_be_is_refused(setting: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         load_scenario(STRIP6, [setting])
+
+
+LATE, PROMPT = "robot.right.delay_cycles=5", "robot.alter.delay_cycles=1"
+SLOW = "robot.right.response={natural_frequency_hz=1.0,damping_ratio=1.0}"
+BOTH = ('compliance.sensing=["left","right"]', 'compliance.complying=["left","right"]')
+
+
+def test_each_arm_executes_its_deviation_after_a_delay_of_its_own() -> None:
+    trace = run(*BOTH, "compliance.rotation={b=0.5,k=10000}", LATE, PROMPT)
+    for side, delay in (("left", 1), ("right", 5)):
+        executed = trace[f"{side}_command_alpha"] - trace["nominal_alpha"]
+        sent = trace[f"{side}_deviation_alpha"]
+        assert np.abs(sent).max() > 1e-4
+        np.testing.assert_allclose(executed[delay:], sent[:-delay], atol=1e-15)
+
+
+def test_each_arm_answers_as_it_does_beside_one_of_its_kind() -> None:
+    """Without compliance the set-points of both arms are alike, whatever the other one does."""
+    slow = "robot.response={natural_frequency_hz=1.0,damping_ratio=1.0}"
+    mixed, quick, both_slow = (run(*STIFF, *more) for more in ([SLOW], [], [slow]))
+    # What the servos are sent is exact; where the arms are, they are to what the sheet makes of it.
+    reach = np.ptp(quick["left_grip_alpha"])
+    for side, alone, other in (("left", quick, both_slow), ("right", both_slow, quick)):
+        name = f"{side}_grip_alpha"
+        off = np.abs(mixed[name] - alone[name]).max()
+        assert off < 0.02 * reach
+        assert np.abs(mixed[name] - other[name]).max() > 5.0 * off
+
+
+def test_what_is_computed_of_one_arm_is_refused_where_the_other_answers_otherwise() -> None:
+    for setting in (LATE, SLOW):
+        with pytest.raises(InputError, match=r"robot\.left and robot\.right"):
+            predict(load_scenario("fig8", [setting]))

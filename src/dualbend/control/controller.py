@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import msgspec
@@ -121,18 +122,18 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ControlledPath:
-    """Controller → transport delay [command periods] → path modification, of both arms."""
+    """Controller → transport delay of each arm [command periods] → path modification."""
 
     def __init__(
         self,
         controller: Controller,
         *,
-        delay_cycles: int,
+        delay_cycles: Sequence[int],
         mode: AlterMode,
         shape: tuple[int, ...] = (),
     ) -> None:
         self.controller = controller
-        self._delay = TransportDelay(delay_cycles, 6, (*shape, 2))
+        self._delays = [TransportDelay(cycles, 6, shape) for cycles in delay_cycles]
         self._modification = PlanarPathModification(mode)
 
     def command(self, observation: Observation, action: Vector | None = None) -> Command:
@@ -163,5 +164,7 @@ class ControlledPath:
             refuse_out_of_plane(deviation)
         except InputError as error:
             raise ControllerFailed(str(error)) from error
-        pose = self._modification.compose(observation.nominal, self._delay.update(deviation))
+        arms = enumerate(self._delays)
+        late = np.stack([delay.update(deviation[..., i, :]) for i, delay in arms], axis=-2)
+        pose = self._modification.compose(observation.nominal, late)
         return Command(deviation=deviation, pose=pose, saturated=saturated)

@@ -5,6 +5,7 @@ solved exactly: no integration error at any physics step.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
@@ -148,3 +149,38 @@ class CommandResponse:
 
         numerator, denominator = signal.ss2tf(*self.state_space())
         return np.asarray(numerator[0], dtype=np.float64), np.asarray(denominator, dtype=np.float64)
+
+
+class ArmResponses:
+    """Responses of several arms, the joints of one after those of the other in every vector."""
+
+    def __init__(self, responses: Sequence[CommandResponse]) -> None:
+        self._responses, self.steps = responses, responses[0].steps
+        self._ends = np.cumsum([response.joints for response in responses])[:-1]
+
+    @property
+    def position(self) -> Vector:
+        """Reference position at the end of the last cycle (..., joints) [rad]."""
+        return np.concatenate([response.position for response in self._responses], axis=-1)
+
+    @property
+    def speed(self) -> Vector:
+        """Reference speed at the end of the last cycle (..., joints) [rad/s]."""
+        return np.concatenate([response.speed for response in self._responses], axis=-1)
+
+    def reset(self, position: ArrayLike) -> None:
+        """Rest at a position (..., joints) [rad] that is also the last set-point."""
+        parts = np.split(np.asarray(position), self._ends, axis=-1)
+        for response, part in zip(self._responses, parts, strict=True):
+            response.reset(part)
+
+    def update(self, setpoint: Vector) -> CommandReference:
+        """Run one cycle towards a set-point (..., joints) [rad], reached by the ramp at its end."""
+        parts = np.split(setpoint, self._ends, axis=-1)
+        found = [r.update(part) for r, part in zip(self._responses, parts, strict=True)]
+        return CommandReference(
+            **{
+                name: np.concatenate([getattr(one, name) for one in found], axis=-1)
+                for name in CommandReference.__struct_fields__
+            }
+        )

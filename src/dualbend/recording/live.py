@@ -185,10 +185,7 @@ class LiveRecording:
         """Log the rows that are new; the scene is computed for them and a few before."""
         rows, done = result.trace.rows, self._streamed
         begin = max(
-            done
-            - frame_cycles(result.scenario.period_s)
-            - result.scenario.robot.alter.delay_cycles
-            - 1,
+            done - frame_cycles(result.scenario.period_s) - result.scenario.robot.longest_delay - 1,
             0,
         )
         log = recording_log(self._stream, result, done=done, ended=ended)

@@ -158,8 +158,14 @@ def joint_stiffness(scenario: Scenario) -> Vector:
     return np.concatenate(given)
 
 
-def one_kind(arms: ArmPair, what: str) -> ArmPair:
+def one_kind(scenario: Scenario, what: str) -> ArmPair:
     """Return the arms; InputError where what is computed of one is not true of the other."""
+    arms = arm_pair(scenario)
+    if not scenario.robot.answer_alike:
+        raise InputError(
+            f"{what} is computed of one arm; robot.left and robot.right have another response or "
+            "another delay_cycles each: give both the slower ones"
+        )
     if not arms.alike:
         raise InputError(
             f"{what} is computed of one arm and needs two of a kind that stand alike, not "

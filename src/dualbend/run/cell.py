@@ -8,12 +8,13 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
+from dualbend.arm.pair import ArmPair
 from dualbend.beam import elastica
 from dualbend.control.brake import Brakes
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.filters import LowPass
 from dualbend.control.force_torque import Sensor, ToolGravityCompensation, WrenchChain
-from dualbend.control.response import CommandResponse
+from dualbend.control.response import ArmResponses, CommandResponse
 from dualbend.control.servo import FrictionEstimate, IntegralAction, JointServo
 from dualbend.control.wrist import WristSensors
 from dualbend.imperfection.draws import noise_streams
@@ -78,12 +79,7 @@ class RobotCell:
             coulomb_friction=robots.dof_frictionloss,
             period_s=scenario.period_s,
         )
-        self.response = CommandResponse(
-            scenario.robot.response,
-            len(self.home),
-            steps_per_cycle(step_s, scenario.period_s),
-            period_s=scenario.period_s,
-        )
+        self.response = make_response(scenario, arms)
         self.brakes = Brakes(
             len(self.home),
             self.response.steps,
@@ -205,6 +201,19 @@ def make_servo(scenario: Scenario, robots: mujoco.MjModel, home: Vector) -> Join
         coulomb_friction=robots.dof_frictionloss.copy().ravel(),
         damping_ratio=scenario.robot.servo.damping_ratio,
     )
+
+
+def make_response(scenario: Scenario, arms: ArmPair) -> CommandResponse | ArmResponses:
+    """Return the response of all joints to commands."""
+    robot, period_s = scenario.robot, scenario.period_s
+    steps = steps_per_cycle(scenario.step_s, period_s)
+
+    def of(side: Side, joints: int) -> CommandResponse:
+        return CommandResponse(robot.response_of(side), joints, steps, period_s=period_s)
+
+    if robot.response_of("left") == robot.response_of("right"):
+        return of("left", arms.count)
+    return ArmResponses([of(side, arms.of(side).model.count) for side in SIDES])
 
 
 def make_integral(scenario: Scenario, robots: mujoco.MjModel) -> IntegralAction:

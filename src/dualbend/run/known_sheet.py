@@ -25,7 +25,7 @@ from dualbend.control.filters import LowPassConfig
 from dualbend.errors import InputError, refusing
 from dualbend.mechanics.compliance import series_stiffness
 from dualbend.mechanics.coupling import Coupling, deviation_angle, wrench_response
-from dualbend.run.arms import arm_pair, joint_stiffness, one_kind
+from dualbend.run.arms import joint_stiffness, one_kind
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import SheetConfig
 from dualbend.scene.arm_compliance import ArmCompliance
@@ -68,12 +68,12 @@ def make_admittance(scenario: Scenario, shape: tuple[int, ...] = ()) -> Admittan
         return Admittance(config, period_s=scenario.period_s, shape=shape)
     own, nominal = (
         response_model(scenario, delay_cycles=delay_cycles, channels=channels, shape=shape)
-        for delay_cycles, channels in ((scenario.robot.alter.delay_cycles, 2), (0, 3))
+        for delay_cycles, channels in ((scenario.robot.longest_delay, 2), (0, 3))
     )
     return ModelAdmittance(
         config,
         known=known_sheet(scenario),
-        response=scenario.robot.response,
+        response=scenario.robot.response_of("left"),
         own=own,
         nominal=nominal,
         period_s=scenario.period_s,
@@ -114,7 +114,7 @@ def response_model(
     ``low_pass`` and ``age_steps`` are the scenario's own where they are not given.
     """
     return ResponseModel(
-        response=scenario.robot.response,
+        response=scenario.robot.response_of("left"),
         low_pass=low_pass or scenario.filter,
         delay_cycles=delay_cycles,
         steps=steps_per_cycle(scenario.step_s, scenario.period_s),
@@ -130,7 +130,7 @@ def known_sheet(scenario: Scenario) -> KnownSheet:
     return _known_sheet(
         scenario.sheet,
         scenario.cell,
-        one_kind(arm_pair(scenario), "a model in the compliance"),
+        one_kind(scenario, "a model in the compliance"),
         tuple(joint_stiffness(scenario).tolist()),
         scenario.robot.servo.integral is not None,
         scenario.grasp,

@@ -107,9 +107,11 @@ class Run:
         """
         simulation = self.cell.simulation
         self.sensors = make_sensors(self.scenario, simulation.model)
-        alter = self.scenario.robot.alter
+        robot = self.scenario.robot
         self.path = ControlledPath(
-            self.controller(), delay_cycles=alter.delay_cycles, mode=alter.mode
+            self.controller(),
+            delay_cycles=[robot.delay_of(side) for side in SIDES],
+            mode=robot.alter.mode,
         )
         self.trace = TraceRecorder(
             self.cycles + self.scenario.after_stop_cycles,

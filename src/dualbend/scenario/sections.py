@@ -44,6 +44,10 @@ class SideConfig(Config):
     ) = None
     arm: ArmFacts = ArmFacts()
     servo: StiffnessConfig = StiffnessConfig()
+    response: CommandResponseConfig | None = None
+    delay_cycles: (
+        Annotated[int, said("transport delay, if another [command periods]", ge=0, le=100)] | None
+    ) = None
 
 
 class RobotConfig(Config):
@@ -80,6 +84,32 @@ class RobotConfig(Config):
         """Return what the file of one side's arm does not say."""
         own = self.own(side)
         return own.arm if own.model else own.arm.over(self.arm)
+
+    def response_of(self, side: Side) -> CommandResponseConfig:
+        """Return how one side's arm answers a command."""
+        return self.own(side).response or self.response
+
+    def delay_of(self, side: Side) -> int:
+        """Return one side's transport delay [command periods]."""
+        own = self.own(side).delay_cycles
+        return self.alter.delay_cycles if own is None else own
+
+    @property
+    def longest_delay(self) -> int:
+        """Transport delay of what both arms are sent together [command periods]."""
+        return max(self.delay_of(side) for side in SIDES)
+
+    @property
+    def answer_alike(self) -> bool:
+        """Both arms have the same response and the same delay."""
+        answers = [(self.response_of(side), self.delay_of(side)) for side in SIDES]
+        return answers[0] == answers[1]
+
+    def with_delay(self, cycles: int) -> RobotConfig:
+        """Return the robot with another transport delay of both arms [command periods]."""
+        alter = msgspec.structs.replace(self.alter, delay_cycles=cycles)
+        left, right = (msgspec.structs.replace(self.own(s), delay_cycles=None) for s in SIDES)
+        return msgspec.structs.replace(self, alter=alter, left=left, right=right)
 
     def stiffness_n_m_per_rad(self, side: Side) -> tuple[float, ...] | None:
         """Return the stiffness of one side's joint servos [N m/rad]; None: the arm's own."""

@@ -170,9 +170,8 @@ def _without_noise(scenario: Scenario) -> Scenario:
 
 
 def _without_delay(scenario: Scenario) -> Scenario:
-    alter = msgspec.structs.replace(scenario.robot.alter, delay_cycles=0)
     return msgspec.structs.replace(
         scenario,
-        robot=msgspec.structs.replace(scenario.robot, alter=alter),
+        robot=scenario.robot.with_delay(0),
         sensor=msgspec.structs.replace(scenario.sensor, latency_ms=0.0),
     )

@@ -162,9 +162,7 @@ def _loops(worlds: Mapping[str, Scenario], seeds: Sequence[int]) -> list[Scenari
         )
         loops[msgspec.structs.replace(worlds["none"], sheet=sheet)] = None
     if every.imperfections.link.errs:
-        robot = every.robot
-        late = msgspec.structs.replace(robot.alter, delay_cycles=robot.alter.delay_cycles + 1)
-        later = msgspec.structs.replace(robot, alter=late)
+        later = every.robot.with_delay(every.robot.longest_delay + 1)
         loops.update({msgspec.structs.replace(loop, robot=later): None for loop in list(loops)})
     return list(loops)
 

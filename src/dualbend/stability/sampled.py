@@ -66,9 +66,11 @@ class LoopElements:
         period_s = scenario.period_s
         steps = steps_per_cycle(scenario.step_s, period_s)
         return cls(
-            response=CommandResponse(scenario.robot.response, 1, steps, period_s=period_s),
+            response=CommandResponse(
+                scenario.robot.response_of("left"), 1, steps, period_s=period_s
+            ),
             low_pass=LowPass(scenario.filter, 1, period_s=period_s),
-            delay=TransportDelay(scenario.robot.alter.delay_cycles, 1),
+            delay=TransportDelay(scenario.robot.longest_delay, 1),
             admittance=analysed_controller(scenario),
             age_steps=reading_age_steps(scenario),
         )

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from dualbend.mechanics.jacobian import PLANE
-from dualbend.run.arms import arm_pair, joint_stiffness, one_kind
+from dualbend.run.arms import joint_stiffness, one_kind
 from dualbend.run.cell import make_integral, make_servo
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.arm_compliance import ArmCompliance
@@ -27,7 +27,7 @@ class PosedArm(ArmCompliance):
     """
 
     def __init__(self, scenario: Scenario, home: Vector) -> None:
-        arms = one_kind(arm_pair(scenario), "the stability of the loop")
+        arms = one_kind(scenario, "the stability of the loop")
         super().__init__(
             arms,
             joint_stiffness(scenario),

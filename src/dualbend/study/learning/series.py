@@ -158,7 +158,7 @@ class Series:
         """Take the correction from one motion to another."""
         if np.array_equal(learned.alpha_rad, asked.alpha_rad):
             return
-        lag = self.scenario.robot.alter.delay_cycles
+        lag = self.scenario.robot.longest_delay
         self._correction = replayed(
             self._correction, learned.alpha_rad, asked.alpha_rad, lag_cycles=lag
         )

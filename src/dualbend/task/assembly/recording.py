@@ -190,7 +190,7 @@ class AssemblyLayers(Layers):
     def places(self, result: RunRecord) -> tuple[Vector, Vector]:
         """Return where the bending frames are to be and were sent (rows, 4): x, y, z [m], yaw."""
         there = places(result.trace)
-        return there, carried(result.trace, there, result.scenario.robot.alter.delay_cycles)
+        return there, carried(result.trace, there, result.scenario.robot.longest_delay)
 
     def views(self, result: RunRecord) -> Views:
         """Return the views of the cell and the bed, and of each pin as tabs."""

@@ -166,7 +166,7 @@ class AssemblyRun(Run):
         simulation.parts = self.pins.parts
         if self.config.compliance is not None:
             self.stiffness = self._stiffness(cell)
-            rate = stable_rate(scenario, cell.response) / self.config.compliance.gain_margin
+            rate = stable_rate(scenario) / self.config.compliance.gain_margin
             self._mobility = rate / self.stiffness
 
     def _pose(self, posture: Posture) -> Vector:
@@ -282,7 +282,7 @@ class AssemblyRun(Run):
         if compliance is not None:
             mobility = self._mobility
             self._admittance = ObjectAdmittance(compliance, BENDS, mobility, period_s=period_s)
-        self._delay = TransportDelay(self.scenario.robot.alter.delay_cycles, 3)
+        self._delay = TransportDelay(self.scenario.robot.longest_delay, 3)
         self._task = self.program.begin()
         super().begin(on_cycle)
 

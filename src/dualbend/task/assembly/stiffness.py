@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from dualbend.beam import elastica
+from dualbend.control.clock import steps_per_cycle
 from dualbend.control.compliance.object import critical_rate
 from dualbend.control.delay import TransportDelay
 from dualbend.control.filters import LowPass
@@ -15,6 +16,7 @@ from dualbend.control.response import CommandResponse
 from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.mechanics.jacobian import site_jacobian
 from dualbend.run.cell import RobotCell
+from dualbend.run.known_sheet import reading_age_steps
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.arm_compliance import ArmCompliance
 from dualbend.scene.cell import PAD_SITE
@@ -81,16 +83,22 @@ def grip_yields(cell: RobotCell, pose: Vector, place: Vector) -> Yields:
     return partial(arm.displacement, held_n_m=cell.integral.most_n_m)
 
 
-def stable_rate(scenario: Scenario, response: CommandResponse) -> float:
-    """Return the stiffness over damping [1/s] at which the loop of the held sheet is marginal."""
-    elements = [
-        LowPass(scenario.filter, period_s=scenario.period_s).transfer_function(),
-        TransportDelay(scenario.robot.alter.delay_cycles, 1).transfer_function(),
-        response.transfer_function(),
+def stable_rate(scenario: Scenario) -> float:
+    """Return the stiffness over damping [1/s] at which the loop of the held sheet is marginal.
+
+    With the response of the arm whose loop is marginal first.
+    """
+    step_s, period_s, robot = scenario.step_s, scenario.period_s, scenario.robot
+    shared = [
+        LowPass(scenario.filter, period_s=period_s).transfer_function(),
+        TransportDelay(robot.longest_delay, 1).transfer_function(),
     ]
-    step_s, period_s = scenario.step_s, scenario.period_s
-    age = max(scenario.sensor.latency_steps(step_s), 1) * step_s / period_s
-    return critical_rate(elements, age, period_s)
+    steps, age = steps_per_cycle(step_s, period_s), reading_age_steps(scenario) * step_s / period_s
+    responses = (
+        CommandResponse(robot.response_of(side), 1, steps, period_s=period_s).transfer_function()
+        for side in SIDES
+    )
+    return min(critical_rate([*shared, response], age, period_s) for response in responses)
 
 
 def _hinges(model: mujoco.MjModel, sign: float, pinned_m: float, cell: RobotCell) -> list[int]:
