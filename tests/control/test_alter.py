@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from dualbend.control import clock
-from dualbend.control.alter import AlterMode, PlanarPathModification
+from dualbend.control.alter import AlterMode, PathModification
 from dualbend.control.delay import TransportDelay
 from dualbend.errors import InputError
 from dualbend.types import PlanarPose
@@ -89,18 +89,18 @@ def test_delay_refuses_a_negative_length_and_an_empty_vector(cycles: int, size: 
 
 
 def compose(
-    path: PlanarPathModification, pose: tuple[float, ...], dx: float, dz: float, dalpha: float
+    path: PathModification, pose: tuple[float, ...], dx: float, dz: float, dalpha: float
 ) -> tuple[float, ...]:
     """Return commanded x, z, α of a nominal (x, z, α) and the planar deviation."""
     deviation = np.array([dx, 0.0, dz, 0.0, dalpha, 0.0])
-    return tuple(path.compose(PlanarPose(np.array(pose)), deviation).coordinates.tolist())
+    return tuple(path.compose(PlanarPose(np.array(pose)), deviation)[0].coordinates.tolist())
 
 
 def test_modes_agree_on_a_flat_grip_and_part_when_it_turns() -> None:
     start, turned = 0.0, 0.5
     poses = {}
     for mode in ("world", "tool", "tool-frozen"):
-        path = PlanarPathModification(mode)
+        path = PathModification(mode)
         # Analytic: at α = 0 every mode moves along x_B and z_B.
         flat = compose(path, (-0.3, 0.1, start), 0.01, 0.02, 0.2)
         assert flat == pytest.approx((-0.29, 0.12, 0.2), abs=1e-16)
@@ -115,7 +115,7 @@ def test_modes_agree_on_a_flat_grip_and_part_when_it_turns() -> None:
 
 @pytest.mark.parametrize("mode", ["world", "tool", "tool-frozen"])
 def test_deviation_is_not_cumulative(mode: AlterMode) -> None:
-    path = PlanarPathModification(mode)
+    path = PathModification(mode)
     poses = {compose(path, (-0.3, 0.1, 0.4), 0.01, 0.0, 0.2) for _ in range(5)}
     # Exact: the same input gives the same pose, however often.
     assert len(poses) == 1
@@ -123,7 +123,7 @@ def test_deviation_is_not_cumulative(mode: AlterMode) -> None:
 
 
 def test_frozen_tool_frame_is_that_of_the_first_pose() -> None:
-    path = PlanarPathModification("tool-frozen")
+    path = PathModification("tool-frozen")
     compose(path, (0.0, 0.0, 0.8), 0.0, 0.0, 0.0)
     # Analytic.
     assert compose(path, (0.0, 0.0, 1.2), 1.0, 0.0, 0.0) == pytest.approx(

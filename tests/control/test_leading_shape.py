@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dualbend.control.alter import AlterMode, PlanarPathModification
+from dualbend.control.alter import AlterMode, PathModification
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import (
     Admittance,
@@ -482,16 +482,15 @@ def test_wrenches_moved_turned_and_summed(worlds: Shape, seed: int) -> None:
 @FEW
 @given(WORLDS, SEEDS)
 def test_path_modification(mode: AlterMode, worlds: Shape, seed: int) -> None:
-    def stream(_: Shape, __: list[int], pose: Vector, planar: Vector) -> list[tuple[Any, ...]]:
-        modification = PlanarPathModification(mode)
+    def stream(_: Shape, __: list[int], pose: Vector, deviation: Vector) -> list[tuple[Any, ...]]:
+        modification = PathModification(mode)
         found = []
-        for p, d in zip(pose, planar, strict=True):
-            deviation = np.zeros((*d.shape[:-1], 6))
-            deviation[..., ::2] = d
-            found.append((modification.compose(PlanarPose(p), deviation).coordinates,))
+        for p, d in zip(pose, deviation, strict=True):
+            planar, aside = modification.compose(PlanarPose(p), d)
+            found.append((planar.coordinates, aside))
         return found
 
-    inputs = {"pose": (1.0, (2, 3)), "planar": (0.01, (2, 3))}
+    inputs = {"pose": (1.0, (2, 3)), "deviation": (0.01, (2, 6))}
     assert_worlds_are_single_ones(stream, worlds, seed, inputs)
 
 

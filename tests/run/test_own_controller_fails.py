@@ -38,7 +38,6 @@ CASES = {
     "nothing": (lambda: None, "its deviation is of shape (), not (2, 6)"),
     "words": (lambda: "stop", "could not convert string to float"),
     "exception": (raising, "KeyError: 'gain' (test_own_controller_fails.py:"),
-    "out of plane": (lambda: np.ones((2, 6)), "cannot be executed"),
 }
 
 

@@ -108,6 +108,10 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
         ["path=approximate", "sheet.model=shell"],
         ["path.kind=table", "path.table=[[0,0.2,0],[1.1,0.16,0.1]]"],
         ["compliance=support.controllers:Still"],
+        [
+            "compliance.kind=mass-spring-damper",
+            *(f"compliance.{name}.b=1" for name in ("x", "y", "z", "roll", "pitch", "yaw")),
+        ],
     ):
         held |= walk(msgspec.to_builtins(load_scenario("fig6", kinds)), "") - {
             *("task.misalignment", "cell.left", "cell.right"),

@@ -156,6 +156,7 @@ def _show_prediction(prediction: Prediction) -> None:
     """Print a line for each bending angle, then the verdict."""
     if not prediction.rows:
         click.echo(f"{prediction.scenario}: {prediction.reason}")
+        _show_not_covered(prediction)
         return
     click.echo(_table(prediction.rows))
     missed = [f"{row.alpha_rad:.2f}" for row in prediction.rows if not row.at_rest]
@@ -169,7 +170,13 @@ def _show_prediction(prediction: Prediction) -> None:
         click.echo(line)
     for low, high in prediction.unstable_rad:
         click.echo(f"predicted unstable from {low:.2f} to {high:.2f} rad")
+    _show_not_covered(prediction)
     click.echo(f"{prediction.scenario}: {prediction.verdict} ({prediction.reason})")
+
+
+def _show_not_covered(prediction: Prediction) -> None:
+    if prediction.not_covered:
+        click.echo(f"not in the prediction: {prediction.not_covered}")
 
 
 def _imperfect(rows: Sequence[Row]) -> Iterator[str]:
@@ -364,12 +371,18 @@ def _show_tuning(found: Tuning, seeds: int) -> None:
 
 def _gains(config: ComplianceConfig) -> Iterator[str]:
     """Yield the gains of a compliance, a line for each part."""
+    from dualbend.control.compliance.mass_spring_damper import DIRECTIONS, MassSpringDamperConfig
     from dualbend.scenario.toml_text import toml
     from dualbend.stability.gains import OF_THE_MODEL
     from dualbend.stability.map import gain_units
 
     for name, value in getattr(config, "options", {}).items():
         yield f"options.{name} = {toml(value)}"
+    if isinstance(config, MassSpringDamperConfig):
+        for direction in DIRECTIONS:
+            if (part := getattr(config, direction)) is not None:
+                yield f"{direction:<6} m = {part.m:g}, b = {part.b:g}, k = {part.k:g}, in SI"
+        return
     axes: tuple[Literal["x", "rotation"], ...] = ("x", "rotation")
     for name in axes:
         axis: AxisConfig | None = getattr(config, name)

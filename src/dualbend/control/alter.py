@@ -4,9 +4,8 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from dualbend.errors import InputError
 from dualbend.mechanics.coupling import deviation_angle
-from dualbend.types import Config, PlanarPose, Vector, said
+from dualbend.types import Config, PlanarPose, Reals, Vector, said
 
 AlterMode = Literal["world", "tool", "tool-frozen"]
 
@@ -21,47 +20,83 @@ class AlterConfig(Config):
     delay_cycles: Annotated[int, said("transport delay [command periods]", ge=0, le=100)] = 1
 
 
-def refuse_out_of_plane(deviation: Vector) -> None:
-    """Raise InputError where a deviation (..., 6) has a part along y, in roll or in yaw."""
-    if np.count_nonzero(deviation[..., 1::2]):
-        raise InputError(
-            "a deviation along y, in roll or in yaw cannot be executed: the commanded poses "
-            "are in the bending plane; need 0 in components 1, 3 and 5"
-        )
+def out_of_plane(deviation: Vector) -> bool:
+    """Tell whether a deviation (..., 6) has a part along y, in roll or in yaw."""
+    return bool(np.count_nonzero(deviation[..., 1::2]))
 
 
-class PlanarPathModification:
+class PathModification:
     """Add a deviation to a nominal grip pose (x, z, α) in the bending frame B.
 
-    The deviation is executed in a frame turned by φ about y_B:
-    x' = x + δx cos φ + δz sin φ, z' = z − δx sin φ + δz cos φ, α' = α + δα, with φ = 0 in mode
-    "world", φ = α in mode "tool" and φ = α at the start of ALTER in mode "tool-frozen". The last is
-    what VAL II does: it does not update the tool's rotation matrix while moving (Robotics FAQ,
-    section 12). The deviation is not cumulative: it is the whole deviation of this cycle. ALTER
-    starts with the first call of `compose`.
+    The deviation is executed in a frame turned by φ about y_B: p' = p + R_y(φ) δp, so that
+    x' = x + δx cos φ + δz sin φ, z' = z − δx sin φ + δz cos φ, and y' = δy; and the grip's axes are
+    R' = R_y(φ) R(δ) R_y(α − φ), where R(δ) is :func:`turn` of the deviation's angles: in the plane
+    α' = α + δα. φ = 0 in mode "world", φ = α in mode "tool" and φ = α at the start of ALTER in mode
+    "tool-frozen". The last is what VAL II does: it does not update the tool's rotation matrix while
+    moving (Robotics FAQ, section 12). The deviation is not cumulative: it is the whole deviation of
+    this cycle. ALTER starts with the first call of `compose`.
     """
 
     def __init__(self, mode: AlterMode) -> None:
         self.mode: AlterMode = mode
         self._start_alpha_rad: Vector | None = None
 
-    def compose(self, nominal: PlanarPose, deviation: Vector) -> PlanarPose:
+    def compose(self, nominal: PlanarPose, deviation: Vector) -> tuple[PlanarPose, Vector]:
         """Return the commanded pose (..., 3) of a nominal one and a deviation (..., 6).
 
-        Raises
-        ------
-        InputError
-            The deviation has a part out of the bending plane: along y, in roll or in yaw.
+        Beside it what leads out of the bending plane (..., 3): y [m], roll and yaw [rad]. The
+        grip's axes are :func:`turn` of roll, the commanded α and yaw.
         """
-        refuse_out_of_plane(deviation)
-        planar = deviation[..., ::2]
+        planar, aside = deviation[..., ::2], deviation[..., 1::2]
         if self._start_alpha_rad is None:
             self._start_alpha_rad = nominal.alpha_rad
         if self.mode == "world":
-            return PlanarPose(nominal.coordinates + planar)
+            return PlanarPose(nominal.coordinates + planar), aside
         phi = deviation_angle(self.mode, nominal.alpha_rad, self._start_alpha_rad)
         c, s = np.cos(phi), np.sin(phi)
         turned = planar.copy()
         turned[..., 0] = planar[..., 0] * c + planar[..., 1] * s
         turned[..., 1] = planar[..., 1] * c - planar[..., 0] * s
-        return PlanarPose(nominal.coordinates + turned)
+        if out_of_plane(deviation):
+            aside = aside.copy()
+            angles = carried(deviation[..., 3:], phi, -np.asarray(phi))
+            aside[..., 1], turned[..., 2], aside[..., 2] = np.moveaxis(angles, -1, 0)
+        return PlanarPose(nominal.coordinates + turned), aside
+
+
+def turn(angles: Vector) -> Vector:
+    """Return R = R_z(yaw) R_x(roll) R_y(pitch) (..., 3, 3) of roll, pitch, yaw (..., 3) [rad].
+
+    The pitch comes first, about an axis that stays, so that it adds to the slope of the path.
+    """
+    roll, pitch, yaw = np.moveaxis(np.asarray(angles), -1, 0)
+    return np.asarray(_about(2, yaw) @ _about(0, roll) @ _about(1, pitch))
+
+
+def angles_of(rotation: Vector) -> Vector:
+    """Return roll, pitch, yaw (..., 3) [rad] of R (..., 3, 3): :func:`turn` the other way round."""
+    r = rotation
+    return np.stack(
+        (
+            np.arcsin(np.clip(r[..., 2, 1], -1.0, 1.0)),
+            np.arctan2(-r[..., 2, 0], r[..., 2, 2]),
+            np.arctan2(-r[..., 0, 1], r[..., 1, 1]),
+        ),
+        axis=-1,
+    )
+
+
+def carried(angles: Vector, before: Reals, after: Reals) -> Vector:
+    """Return the angles (..., 3) of R_y(before) R(angles) R_y(after) [rad]."""
+    return angles_of(_about(1, before) @ turn(angles) @ _about(1, after))
+
+
+def _about(axis: int, angle: Reals) -> Vector:
+    """Return the rotations (..., 3, 3) about a coordinate axis."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    rotation = np.zeros((*np.shape(angle), 3, 3))
+    rotation[..., axis, axis] = 1.0
+    rotation[..., i, i] = rotation[..., j, j] = np.cos(angle)
+    rotation[..., j, i] = np.sin(angle)
+    rotation[..., i, j] = -rotation[..., j, i]
+    return rotation

@@ -9,10 +9,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.control.alter import AlterMode, PlanarPathModification, refuse_out_of_plane
+from dualbend.control.alter import AlterMode, PathModification
 from dualbend.control.delay import TransportDelay
 from dualbend.control.force_torque import WrenchReading
-from dualbend.errors import InputError
 from dualbend.registry import raised_at
 from dualbend.types import Mask, PlanarPose, Vector, Wrench
 
@@ -112,12 +111,14 @@ class Command(msgspec.Struct, frozen=True, kw_only=True):
     """What is sent in one cycle.
 
     ``deviation`` (..., 2, 6) as the controller gave it. ``pose`` (..., 2, 3): the commanded poses
-    of the grips in their bending frames, with the deviation that the transport delay let through.
+    of the grips in their bending frames, with the deviation that the transport delay let through;
+    ``aside`` (..., 2, 3): y [m], roll and yaw [rad] of them, out of the bending plane.
     ``saturated`` (..., any further axes): the controller met a bound of its own.
     """
 
     deviation: Vector
     pose: PlanarPose
+    aside: Vector
     saturated: Mask
 
 
@@ -134,7 +135,7 @@ class ControlledPath:
     ) -> None:
         self.controller = controller
         self._delays = [TransportDelay(cycles, 6, shape) for cycles in delay_cycles]
-        self._modification = PlanarPathModification(mode)
+        self._modification = PathModification(mode)
 
     def command(self, observation: Observation, action: Vector | None = None) -> Command:
         """Ask the controller and modify the nominal poses.
@@ -145,8 +146,7 @@ class ControlledPath:
         Raises
         ------
         ControllerFailed
-            The controller did, or its deviation is not finite, or of another shape, or cannot be
-            executed.
+            The controller did, or its deviation is not finite, or of another shape.
         """
         shape = (*observation.nominal.coordinates.shape[:-1], 6)
         try:
@@ -160,11 +160,7 @@ class ControlledPath:
             raise ControllerFailed(f"its deviation is of shape {deviation.shape}, not {shape}")
         if not np.isfinite(deviation).all():
             raise ControllerFailed(f"its deviation is not finite: {deviation.tolist()}")
-        try:
-            refuse_out_of_plane(deviation)
-        except InputError as error:
-            raise ControllerFailed(str(error)) from error
         arms = enumerate(self._delays)
         late = np.stack([delay.update(deviation[..., i, :]) for i, delay in arms], axis=-2)
-        pose = self._modification.compose(observation.nominal, late)
-        return Command(deviation=deviation, pose=pose, saturated=saturated)
+        pose, aside = self._modification.compose(observation.nominal, late)
+        return Command(deviation=deviation, pose=pose, aside=aside, saturated=saturated)

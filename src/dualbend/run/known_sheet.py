@@ -15,6 +15,10 @@ from dualbend.beam.sheet import Sheet
 from dualbend.control.alter import AlterConfig
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.compliance.admittance import Admittance, ModelAdmittanceConfig
+from dualbend.control.compliance.mass_spring_damper import (
+    MassSpringDamperConfig,
+    SpatialAdmittance,
+)
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.own import OwnComplianceConfig, OwnController
 from dualbend.control.compliance.pair import PairCompliance
@@ -54,6 +58,10 @@ def make_compliance(scenario: Scenario) -> Controller:
         [i for i, side in enumerate(SIDES) if side in sides]
         for sides in (scenario.compliance.sensing, scenario.compliance.complying)
     )
+    if isinstance(scenario.compliance, MassSpringDamperConfig):
+        return SpatialAdmittance(
+            scenario.compliance, period_s=COMMAND_PERIOD_S, sensing=sensing, complying=complying
+        )
     admittance = make_admittance(scenario, (len(sensing),))
     return PairCompliance(admittance, sensing=sensing, complying=complying)
 

@@ -122,6 +122,7 @@ class Run:
             task_of(self.scenario).part("columns")(self.scenario),
             link=self.scenario.imperfections.link.errs,
             slips=self.scenario.grasp.friction is not None,
+            in_space=self.scenario.compliance.in_space,
         )
         self._link = make_link(self.scenario, self.cell)
         self._guard = Guard(

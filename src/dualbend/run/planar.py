@@ -86,7 +86,7 @@ class PlanarRun(Run):
         nominal = PlanarPose(np.array([[x, z, alpha]] * len(SIDES)))
         phase = self.phases[self.motion.phase[n]]
         observed, command = yield from self.control(seen, phase, nominal, reading)
-        self.send(grip_targets(command.pose.coordinates), observed, command)
+        self.send(grip_targets(command.pose.coordinates, command.aside), observed, command)
         return True
 
     def on_observed(self, cycle: int, seen: Observation) -> None:

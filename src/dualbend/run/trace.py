@@ -28,6 +28,7 @@ WALL_CLOCK_COLUMNS = ("wall_s",)
 
 _POSE = (("x", "m"), ("y", "m"), ("z", "m"), ("alpha", "rad"))
 _COMMAND = (("x", "m"), ("z", "m"), ("alpha", "rad"))
+_DEVIATION, _REST = _POSE[::3], (*_POSE[1:3], ("roll", "rad"), ("yaw", "rad"))
 _WRENCH = tuple((f"force_{a}", "N") for a in "xyz") + tuple((f"moment_{a}", "N m") for a in "xyz")
 
 
@@ -44,6 +45,7 @@ def trace_columns(
     *,
     link: bool = False,
     slips: bool = False,
+    in_space: bool = False,
 ) -> dict[str, list[tuple[str, str]]]:
     """Return names and units of a trace's columns in their order, those of one origin together.
 
@@ -59,11 +61,8 @@ def trace_columns(
         "true": [(f"{side}_true_{part}", unit) for side in SIDES for part, unit in _WRENCH],
         "sag": [("sag", "m")],
         "bend": [(f"bend_{i:03d}", "rad") for i in range(hinges)],
-        "deviation": [
-            (f"{side}_deviation_{part}", unit)
-            for side in SIDES
-            for part, unit in (("x", "m"), ("alpha", "rad"))
-        ],
+        "deviation": [(f"{s}_deviation_{part}", unit) for s in SIDES for part, unit in _DEVIATION],
+        "rest": [(f"{s}_deviation_{name}", u) for s in SIDES for name, u in _REST if in_space],
         "command": [(f"{side}_command_{part}", unit) for side in SIDES for part, unit in _COMMAND],
         "q": _joint_columns(joints, "q", "rad", "m"),
         "setpoint": _joint_columns(joints, "setpoint", "rad", "m"),
@@ -213,8 +212,9 @@ class TraceRecorder(Trace):
         Number of bending hinges; arms' joints, such as ``left_joint1``, True of a slide.
     task
         Further columns, with their units, that only this task has.
-    link, slips
-        The command link makes errors; the sheet may slide in the grips: there are columns for it.
+    link, slips, in_space
+        The command link makes errors; the sheet may slide in the grips; the compliance deviates in
+        all six directions: there are columns for it.
     """
 
     def __init__(
@@ -225,11 +225,9 @@ class TraceRecorder(Trace):
         hinges: int,
         joints: Mapping[str, bool],
         task: Sequence[tuple[str, str]] = (),
-        *,
-        link: bool = False,
-        slips: bool = False,
+        **also: bool,
     ) -> None:
-        groups = trace_columns(sensing, hinges, joints, task, link=link, slips=slips)
+        groups = trace_columns(sensing, hinges, joints, task, **also)
         self.columns = [column for group in groups.values() for column in group]
         self._sensing = sensing
         ends = np.cumsum([len(group) for group in groups.values()]).tolist()
@@ -295,6 +293,8 @@ class TraceRecorder(Trace):
             readings[6:8] = observation.raw.components[i, ::4]
             readings[8:] = observation.filtered.components[i, ::4]
         row[at["deviation"]] = command.deviation[:, ::4].ravel()
+        if row[at["rest"]].size:
+            row[at["rest"]] = command.deviation[:, [1, 2, 3, 5]].ravel()
         row[at["command"]] = command.pose.coordinates.ravel()
         row[at["setpoint"]] = ik.q
         row[at["ik"]] = ik.position_residual_m, ik.rotation_residual_rad, ik.iterations

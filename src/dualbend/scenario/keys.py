@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final, Literal
@@ -62,7 +63,8 @@ class Section:
     """A TOML table: ``path`` is () for the keys at the top; ``optional`` is off unless given.
 
     ``kind``: of a section of several kinds, each of which is one of these; else "". ``belongs``: a
-    sentence that says to which kinds of a section around it this one belongs, "" where to all.
+    sentence that says to which kinds of a section around it this one belongs, "" where to all;
+    ``around``: those kinds, where another section of this name belongs to others; else "".
     ``intro`` and ``more`` are the first and the other paragraphs of the code's own description.
     """
 
@@ -70,6 +72,7 @@ class Section:
     struct: Struct
     kind: str
     belongs: str
+    around: str
     intro: str
     more: tuple[str, ...]
     optional: bool
@@ -104,19 +107,20 @@ def _walk(
     instance: object,
     *,
     belongs: str = "",
+    around: str = "",
     optional: bool = False,
 ) -> Iterator[Section]:
     """Yield a section, once for each of its kinds, then those inside it.
 
     ``instance``: what the section is where a scenario leaves it out, None where it may not.
     """
-    inner: dict[str, dict[str, tuple[Field, Any]]] = {}
+    inner: dict[tuple[str, tuple[Struct, ...]], dict[str, tuple[Field, Any]]] = {}
     for kind, struct in kinds.items():
         keys = [_kind_key(kinds, kind, instance)] if kind else []
         for name, field in fields_of(struct).items():
             found = getattr(instance, name) if isinstance(instance, struct) else field.default
             if field.is_section:
-                inner.setdefault(name, {})[kind] = field, found
+                inner.setdefault((name, tuple(field.kinds.values())), {})[kind] = field, found
             else:
                 keys.append(_key(field, found))
         intro, *more = paragraphs(struct)
@@ -125,12 +129,14 @@ def _walk(
             struct=struct,
             kind=kind,
             belongs=belongs,
+            around=around,
             intro=intro,
             more=tuple(more),
             optional=optional,
             keys=tuple(keys),
         )
-    for name, of in inner.items():
+    names = Counter(name for name, _ in inner)
+    for (name, _), of in inner.items():
         field, found = next(iter(of.values()))
         some = (
             f" Of {'.'.join(path)} with kind = {_words(of)}." if len(of) < len(kinds) else belongs
@@ -140,6 +146,7 @@ def _walk(
             (*path, name),
             None if found is REQUIRED else found,
             belongs=some,
+            around=" or ".join(of) if names[name] > 1 else "",
             optional=found is None,
         )
 

@@ -38,7 +38,8 @@ def reference_markdown() -> str:
 
 def _heading(section: Section, quote: str = "") -> str:
     kind = f" of kind {section.kind}" if section.kind else ""
-    return f"{quote}{section.title}{quote}{kind}"
+    around = f" of {section.around}" if section.around else ""
+    return f"{quote}{section.title}{quote}{around}{kind}"
 
 
 def _anchor(section: Section) -> str:

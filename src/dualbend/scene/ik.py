@@ -27,6 +27,8 @@ _DAMPING = 1e-12
 _POSE, _POSTURE_COST = 6, 1e-4
 _POSTURE_RESTS_RAD, _LARGEST_STEP_RAD = 1e-8, 0.5
 
+_IN_PLANE: Vector = np.zeros((len(SIDES), 3))
+
 _MAX_ITERATIONS = 20
 _MAX_HOME_ITERATIONS = 200
 
@@ -151,8 +153,15 @@ class InverseKinematics:
         )
 
 
-def grip_targets(pose: Vector) -> Targets:
-    """Return both grips' world poses from x, z [m], α [rad] (2, 3), each in its bending frame."""
+def grip_targets(pose: Vector, aside: Vector = _IN_PLANE) -> Targets:
+    """Return both grips' world poses from x, z [m], α [rad] (2, 3), each in its bending frame.
+
+    ``aside`` (2, 3): y [m], roll and yaw [rad] out of the bending plane; the axes are then
+    R_z(yaw) R_x(roll) R_y(α), as :func:`dualbend.control.alter.turn` has them.
+    """
+    if aside.any():
+        left, right = grip_targets(pose)
+        return _moved(left, 1.0, aside[0]), _moved(right, -1.0, aside[1])
     (x_l, z_l, a_l), (x_r, z_r, a_r) = pose.tolist()
     cl, sl = math.cos(a_l / 2), math.sin(a_l / 2)
     cr, sr = math.cos(a_r / 2), math.sin(a_r / 2)
@@ -163,13 +172,25 @@ def grip_targets(pose: Vector) -> Targets:
     )
 
 
-def carried_targets(pose: Vector, place: Vector) -> Targets:
+def _moved(planar: mink.SE3, sign: float, aside: Vector) -> mink.SE3:
+    """Return a pose in the plane with y, roll and yaw of a frame that is turned by 0 or π.
+
+    Roll and yaw are of an arm's own axes: those of x and y point the other way on the right.
+    """
+    y, roll, yaw = aside.tolist()
+    turned = mink.SO3.from_z_radians(yaw) @ mink.SO3.from_x_radians(sign * roll)
+    return mink.SE3.from_rotation_and_translation(
+        turned @ planar.rotation(), planar.translation() + np.array([0.0, sign * y, 0.0])
+    )
+
+
+def carried_targets(pose: Vector, place: Vector, aside: Vector = _IN_PLANE) -> Targets:
     """Return both grips' world poses where the bending frames are carried to a place.
 
-    ``pose`` (2, 3) as :func:`grip_targets` has it, heights above the place; ``place`` (4,) x, y,
-    z [m] and turn about the vertical [rad] in the world.
+    ``pose`` (2, 3) and ``aside`` as :func:`grip_targets` has them, heights above the place;
+    ``place`` (4,) x, y, z [m] and turn about the vertical [rad] in the world.
     """
     x, y, z, yaw = place.tolist()
     frame = mink.SE3(np.array([*about_z(yaw), x, y, z]))
-    left, right = grip_targets(pose)
+    left, right = grip_targets(pose, aside)
     return frame @ left, frame @ right

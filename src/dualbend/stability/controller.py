@@ -15,10 +15,14 @@ import numpy as np
 from dualbend.control.clock import TransferFunction
 from dualbend.control.compliance.admittance import Admittance, AdmittanceConfig
 from dualbend.control.compliance.base import AxisConfig
+from dualbend.control.compliance.mass_spring_damper import (
+    MassSpringDamperConfig,
+    SpatialAdmittance,
+)
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.own import OwnComplianceConfig, OwnController
 from dualbend.control.filters import LowPass
-from dualbend.run.known_sheet import make_admittance
+from dualbend.run.known_sheet import make_admittance, make_compliance
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.state_space import StateSpace, from_transfer_function, parallel, static
 
@@ -46,7 +50,7 @@ class LinearAxis:
 class LinearController:
     """A controller that says by itself what it is at each bending angle, in transfer functions."""
 
-    def __init__(self, controller: OwnController) -> None:
+    def __init__(self, controller: OwnController | SpatialAdmittance) -> None:
         self._controller = controller
 
     def axes_at(self, alpha_rad: float) -> tuple[LinearAxis | None, LinearAxis | None]:
@@ -60,8 +64,10 @@ class LinearController:
 
 def analysed_controller(scenario: Scenario) -> Admittance | LinearController:
     """Return the scenario's controller as the analysis takes it: the object that runs, or by it."""
-    if isinstance(scenario.compliance, OwnComplianceConfig):
-        return LinearController(OwnController(scenario.compliance, scenario))
+    if isinstance(scenario.compliance, OwnComplianceConfig | MassSpringDamperConfig):
+        controller = make_compliance(scenario)
+        assert isinstance(controller, OwnController | SpatialAdmittance)
+        return LinearController(controller)
     return make_admittance(scenario)
 
 

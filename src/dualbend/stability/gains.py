@@ -19,10 +19,13 @@ from dualbend.control.compliance.admittance import (
     ComplianceConfig,
     ModelAdmittanceConfig,
 )
-from dualbend.control.compliance.base import AxisConfig
+from dualbend.control.compliance.base import AxisConfig, DirectionConfig
+from dualbend.control.compliance.mass_spring_damper import DIRECTIONS, MassSpringDamperConfig
 from dualbend.control.compliance.own import OwnComplianceConfig
 
-Gains: TypeAlias = AdmittanceConfig | ModelAdmittanceConfig | OwnComplianceConfig
+Gains: TypeAlias = (
+    AdmittanceConfig | ModelAdmittanceConfig | MassSpringDamperConfig | OwnComplianceConfig
+)
 
 SHORTEST_LAG, LONGEST_LAG_S = 0.2, 10.0
 """In command periods T and in seconds; e^(−T/τ) < 0.007: shorter makes no difference."""
@@ -47,8 +50,10 @@ OF_THE_MODEL = {
 
 
 def acting_axes(config: ComplianceConfig, end_rad: float) -> list[Literal["x", "rotation"]]:
-    """Return the axes of a compliance that act before a bending angle."""
+    """Return the paper's axes of a compliance that act before a bending angle."""
     names: tuple[Literal["x", "rotation"], ...] = ("x", "rotation")
+    if isinstance(config, MassSpringDamperConfig):
+        return []
     given = {name: getattr(config, name) for name in names}
     return [
         name for name, axis in given.items() if axis is not None and axis.from_alpha_rad < end_rad
@@ -59,6 +64,11 @@ def knobs(config: Gains, end_rad: float) -> list[Knob]:
     """Return what can be changed of a compliance that acts up to a bending angle."""
     if isinstance(config, OwnComplianceConfig):
         return [Knob("options", name) for name in config.gains]
+    if isinstance(config, MassSpringDamperConfig):
+        given = [(name, part) for name in DIRECTIONS if (part := getattr(config, name)) is not None]
+        return [Knob(name, "compliance") for name, _ in given] + [
+            Knob(name, "lag") for name, part in given if part.k
+        ]
     axes = acting_axes(config, end_rad)
     found = [Knob(name, key) for key in ("compliance", "lag") for name in axes]
     # A lead of 0 is none: there is nothing to multiply.
@@ -75,6 +85,11 @@ def turned(config: Gains, knob: Knob, factor: float, period_s: float) -> Gains |
     if isinstance(config, OwnComplianceConfig):
         return _multiplied(config, [knob.key], factor)
     part = getattr(config, knob.part)
+    if isinstance(config, MassSpringDamperConfig):
+        by = 1.0 / factor if knob.key == "compliance" else factor
+        return msgspec.structs.replace(
+            config, **{knob.part: _direction(part, by, whole=knob.key == "compliance")}
+        )
     if knob in OF_THE_MODEL:
         value = _moved(getattr(part, knob.key), factor, *OF_THE_MODEL[knob])
         changed = value and msgspec.structs.replace(part, **{knob.key: _rounded(value)})
@@ -99,6 +114,10 @@ def softened(config: Gains, factor: float) -> Gains:
     """
     if isinstance(config, OwnComplianceConfig):
         return _multiplied(config, config.gains, 1.0 / factor)
+    if isinstance(config, MassSpringDamperConfig):
+        each = {name: getattr(config, name) for name in DIRECTIONS}
+        changed = {name: _direction(p, 1.0 / factor, whole=True) for name, p in each.items() if p}
+        return msgspec.structs.replace(config, **changed)
     parts = {name: getattr(config, name) for name in ("x", "rotation")}
     return msgspec.structs.replace(
         config,
@@ -111,6 +130,12 @@ def _multiplied(
 ) -> OwnComplianceConfig:
     changed = {name: _rounded(config.options[name] * factor) for name in names}
     return msgspec.structs.replace(config, options={**config.options, **changed})
+
+
+def _direction(part: DirectionConfig, by: float, *, whole: bool) -> DirectionConfig:
+    """Return a direction all of it multiplied, or its times: b by a factor, m by its square."""
+    m, k = (part.m * by, part.k * by) if whole else (part.m * by**2, part.k)
+    return msgspec.structs.replace(part, m=_rounded(m), b=_rounded(part.b * by), k=_rounded(k))
 
 
 def with_lag(axis: AxisConfig, lag_s: float, period_s: float) -> AxisConfig:

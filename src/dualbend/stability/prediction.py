@@ -72,6 +72,7 @@ class Prediction(msgspec.Struct, frozen=True, kw_only=True):
     """The verdict on a scenario: ``stable``, ``unstable`` or ``no compliance``.
 
     ``unstable_rad``: the ranges of the bending angle predicted unstable, ends interpolated.
+    ``not_covered``: what of the compliance is no part of it, "" where that is not known.
     """
 
     scenario: str
@@ -80,6 +81,7 @@ class Prediction(msgspec.Struct, frozen=True, kw_only=True):
     reason: str
     unstable_rad: tuple[tuple[float, float], ...]
     rows: tuple[Row, ...]
+    not_covered: str = ""
 
 
 def predict(scenario: Scenario, axis: AxisName = "coupled") -> Prediction:
@@ -97,6 +99,7 @@ def predict(scenario: Scenario, axis: AxisName = "coupled") -> Prediction:
             reason=f"{reason}: nothing to be unstable",
             unstable_rad=(),
             rows=(),
+            not_covered=scenario.compliance.not_predicted,
         )
     rows = tuple(evaluate(elements, e, axis) for e in environments(scenario, alphas))
     ranges = unstable_ranges([r.alpha_rad for r in rows], [r.growth_per_s for r in rows])
@@ -112,6 +115,7 @@ def predict(scenario: Scenario, axis: AxisName = "coupled") -> Prediction:
         ),
         unstable_rad=ranges,
         rows=rows,
+        not_covered=scenario.compliance.not_predicted,
     )
 
 
@@ -133,6 +137,8 @@ def acting_angles(
         switches = [alpha for alpha in tried if any(elements.acting(axis, alpha))][:1]
     if not scenario.compliance.complying or not switches:
         of = {"coupled": "", "rotation": " about rotation", "x": " along x"}[axis]
+        if not of and scenario.compliance.not_predicted and scenario.compliance.complying:
+            of = " along x of the world or in pitch"
         return [], f"no compliance{of}"
     if min(switches) > end:
         first = min(switches)

@@ -23,6 +23,7 @@ from dualbend.control.compliance.admittance import (
     NoComplianceConfig,
 )
 from dualbend.control.compliance.base import AxisConfig
+from dualbend.control.compliance.mass_spring_damper import MassSpringDamperConfig
 from dualbend.control.compliance.own import OwnComplianceConfig
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
@@ -273,6 +274,8 @@ def _own(scenario: Scenario) -> Gains | None:
                 f"compliance.kind = {brief(config.controller)}: its attribute gains names no "
                 "option that tune may change (docs/your-controller.md)"
             )
+        return config
+    if isinstance(config, MassSpringDamperConfig):
         return config
     if isinstance(config, NoComplianceConfig) or not (config.x or config.rotation):
         return None

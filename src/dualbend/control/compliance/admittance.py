@@ -12,6 +12,7 @@ import numpy as np
 
 from dualbend.control.clock import TransferFunction
 from dualbend.control.compliance.base import AxisConfig, ComplianceBase
+from dualbend.control.compliance.mass_spring_damper import MassSpringDamperConfig
 from dualbend.control.compliance.own import OwnComplianceConfig
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
@@ -79,7 +80,11 @@ class ModelAdmittanceConfig(_TwoAxes, tag="model"):
 
 
 ComplianceConfig: TypeAlias = (
-    AdmittanceConfig | ModelAdmittanceConfig | OwnComplianceConfig | NoComplianceConfig
+    AdmittanceConfig
+    | ModelAdmittanceConfig
+    | MassSpringDamperConfig
+    | OwnComplianceConfig
+    | NoComplianceConfig
 )
 """How an arm complies with the wrench that it reads."""
 

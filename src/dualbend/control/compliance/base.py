@@ -30,6 +30,25 @@ class AxisConfig(Config):
     ] = 0.0
 
 
+class DirectionConfig(Config):
+    """Mass, damping and stiffness of one direction; with m = 0 and k = 0 it is a pure damper.
+
+    In the dead zone no load acts, beyond it the load less the zone. At its limit the deviation
+    stops: it does not wind up, and a mass has no speed there.
+    """
+
+    m: Annotated[float, said("mass, or inertia [kg; kg m²]", ge=0, le=1e6)] = 0.0
+    b: Annotated[float, said("damping [N s/m; N m s/rad]", gt=0, le=1e9)]
+    k: Annotated[float, said("stiffness [N/m; N m/rad]", ge=0, le=1e9)] = 0.0
+    dead_zone: Annotated[float, said("load that does nothing [N; N m]", ge=0, le=1e6)] = 0.0
+    limit: (
+        Annotated[float, said("largest |δ|, else 0.02 m or 0.1 rad [m; rad]", gt=0, le=3)] | None
+    ) = None
+    from_alpha_rad: Annotated[
+        float, said("bending angle from which the load acts [rad]", ge=0, le=3.15)
+    ] = 0.0
+
+
 class ComplianceBase(Tagged):
     """Which arms sense and which comply; what only some kinds have is None in the others."""
 
@@ -47,7 +66,7 @@ class ComplianceBase(Tagged):
                 raise InputError(f"{name} names an arm twice: {list(sides)}")
 
     @property
-    def x(self) -> AxisConfig | None:
+    def x(self) -> AxisConfig | DirectionConfig | None:
         """The axis along x; None: off."""
         return None
 
@@ -85,6 +104,16 @@ class ComplianceBase(Tagged):
     def predictor(self) -> PredictorConfig | None:
         """Compensation of the loop's delay; None: none."""
         return None
+
+    @property
+    def not_predicted(self) -> str:
+        """What of it the linear analysis of its loop leaves out, in words; "" where not said."""
+        return ""
+
+    @property
+    def in_space(self) -> bool:
+        """It may deviate in other directions than x and pitch: a trace then has all six."""
+        return False
 
     @property
     def modelled(self) -> bool:

@@ -62,6 +62,11 @@ class OwnComplianceConfig(ComplianceBase, tag="own"):
         return own_class(self.controller, self.folder)
 
     @property
+    def in_space(self) -> bool:
+        """Nobody knows what it does but itself: a trace has all six directions."""
+        return True
+
+    @property
     def modelled(self) -> bool:
         """Its loop is no point of (b, k), whatever it is."""
         return True

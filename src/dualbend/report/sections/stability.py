@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dualbend.control.compliance.own import OwnComplianceConfig
 from dualbend.errors import InputError
 from dualbend.report.moment import ANGLE
 from dualbend.report.plot import Axis, Colour, Curve, Plot
@@ -33,6 +34,12 @@ def _predicted(run: RunRecord) -> list[Block]:
         return [
             f"No prediction: the run's compliance was {run.controller}, brought along from "
             "Python, in place of the scenario's; its gains were not used."
+        ]
+    config = run.scenario.compliance
+    if isinstance(config, OwnComplianceConfig):
+        return [
+            f"No prediction: a report does not run the code of {config.controller}; "
+            f"`dualbend stability` does, where the class says its transfer functions."
         ]
     try:
         prediction = predict(run.scenario)

@@ -68,6 +68,7 @@ def columns_of(scenario: Scenario) -> dict[str, list[tuple[str, str]]]:
         task_of(scenario).part("columns")(scenario),
         link=scenario.imperfections.link.errs,
         slips=scenario.grasp.friction is not None,
+        in_space=scenario.compliance.in_space,
     )
 
 

@@ -308,7 +308,7 @@ class AssemblyRun(Run):
         nominal = PlanarPose(np.array([[x, rise + up, alpha] for up in goal.levels]))
         told, command = yield from self.control(seen, PHASES[goal.phase], nominal, reading, moved)
         self.grippers.drive(goal.posture.opening)
-        targets = carried_targets(command.pose.coordinates, moved)
+        targets = carried_targets(command.pose.coordinates, moved, command.aside)
         grip = self.cell.measured(seen)[:, :3] * BENDING_TO_WORLD
         self.send(targets, told, command, free=goal.free)
         self.grippers.update()
