@@ -12,11 +12,11 @@ from dualbend.cli.common import (
     OUT_FILE,
     SETTINGS,
     command,
-    complete_scenarios,
     deliver,
     load,
     print_json,
 )
+from dualbend.cli.completion import complete_materials, complete_scenarios
 from dualbend.errors import InputError, brief, refusing
 
 
@@ -105,7 +105,7 @@ def arms(as_json: bool, markdown: bool, scenario: str | None, settings: tuple[st
 
 
 @command("dualbend materials", "dualbend materials 6061-T6", "dualbend materials --json")
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=complete_materials)
 @MARKDOWN_TABLE
 @OUT_FILE
 @JSON
