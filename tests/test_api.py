@@ -1,6 +1,7 @@
 """The public names: one list, one table of homes, one page, and nothing else in what users read."""
 
 import ast
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +11,9 @@ import pytest
 import dualbend
 
 DOCS = Path(__file__).parents[1] / "docs"
-READ_BY_USERS = sorted([*DOCS.glob("*.md"), *(DOCS / "examples").glob("*.py")])
+READ_BY_USERS = sorted(
+    [*DOCS.glob("*.md"), *(DOCS / "examples").glob("*.py"), *(DOCS / "examples").glob("*.ipynb")]
+)
 
 
 def test_every_public_name_is_found_in_its_home() -> None:
@@ -44,6 +47,10 @@ def test_the_page_has_a_line_for_every_public_name() -> None:
 
 def code_of(path: Path) -> Iterator[str]:
     text = path.read_text(encoding="utf-8")
+    if path.suffix == ".ipynb":
+        cells = json.loads(text)["cells"]
+        yield from ("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+        return
     yield from [text] if path.suffix == ".py" else re.findall(r"```python\n(.*?)```", text, re.S)
 
 

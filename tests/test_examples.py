@@ -1,12 +1,14 @@
-"""The programs of docs/examples run and do what their first lines say."""
+"""The programs and notebooks of docs/examples run and do what their first lines say."""
 
+import ast
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from dualbend import TASKS
+from dualbend import TASKS, RunRecord
 from support.scripts import load_script
 
 EXAMPLES = Path(__file__).parents[1] / "docs" / "examples"
@@ -65,5 +67,53 @@ def test_the_example_does_what_it_says(name: str, capsys: pytest.CaptureFixture[
     assert capsys.readouterr().out
 
 
+def fig8(shown: list[Any]) -> None:
+    (verdict, _), with_compliance, peaks, begun = shown
+    assert verdict == "stable"
+    assert peaks["fig8"] == with_compliance.metrics["peak_moment"].value
+    assert peaks["fig8"] < peaks["fig6"]
+    assert (begun.outcome, begun.trace.rows) == ("aborted", 400)
+    for run in shown[1::2]:
+        assert isinstance(run, RunRecord)
+        assert "<img" in run._repr_html_()  # what a notebook shows
+
+
+NOTEBOOKS = {fig8.__name__: fig8}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_the_notebooks_cells_run_one_after_the_other(name: str) -> None:
+    """Each as a notebook does, whose last line, where it is a value, is shown."""
+    names: dict[str, Any] = {}
+    shown = []
+    for cell in notebook(name):
+        if cell["cell_type"] == "code":
+            tree = ast.parse("".join(cell["source"]))
+            last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+            exec(compile(tree, name, "exec"), names)
+            if last is not None:
+                value = ast.Expression(last.value)  # type: ignore[attr-defined]
+                shown.append(eval(compile(value, name, "eval"), names))
+    NOTEBOOKS[name](shown)
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_notebooks_are_kept_without_what_they_showed(name: str) -> None:
+    for cell in notebook(name):
+        if cell["cell_type"] == "code":
+            assert not cell["outputs"]
+            assert cell["execution_count"] is None
+
+
+def notebook(name: str) -> list[dict[str, Any]]:
+    found = json.loads((EXAMPLES / f"{name}.ipynb").read_text(encoding="utf-8"))
+    assert (found["nbformat"], found["nbformat_minor"]) == (4, 5)  # cells have names
+    cells: list[dict[str, Any]] = found["cells"]
+    assert len({cell["id"] for cell in cells}) == len(cells)
+    return cells
+
+
 def test_every_example_is_run() -> None:
     assert {path.stem for path in EXAMPLES.glob("*.py")} == set(CHECKS)
+    assert {path.stem for path in EXAMPLES.glob("*.ipynb")} == set(NOTEBOOKS)

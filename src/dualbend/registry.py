@@ -47,6 +47,7 @@ class Task:
     peaks : ``(record) -> dict[str, (rows,)]``, the signal of which a metric is the largest value
     tolerances : ``{metric: (kind, size, size where the value is 0, reason)}`` of a new baseline
     report : ``(record) -> list[Section | None]`` of the report
+    notebook : ``(record) -> str``, the HTML by which a notebook shows a run
     recording : :class:`dualbend.recording.layers.Layers` of the recording and the pictures
     """
 
@@ -62,6 +63,7 @@ class Task:
     peaks: Any = "dualbend.evaluation.peaks:common_peaks"
     tolerances: Any = field(default_factory=dict)
     report: Any = "dualbend.report.page:common_sections"
+    notebook: Any = "dualbend.report.notebook:run_html"
     recording: Any = "dualbend.recording.layers:PLAIN"
 
     def part(self, name: str) -> Any:  # noqa: ANN401 - each caller says what it expects

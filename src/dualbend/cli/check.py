@@ -7,7 +7,8 @@ from pathlib import Path
 
 import click
 
-from dualbend.cli.common import EXIT_FAILED_CHECK, PATH, command, complete_scenarios
+from dualbend.cli.common import EXIT_FAILED_CHECK, PATH, command
+from dualbend.cli.completion import complete_scenarios
 
 
 @command("dualbend check fig8 mine.toml --update", "dualbend check")

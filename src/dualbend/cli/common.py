@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
+from dualbend.cli.completion import complete_scenarios, complete_settings
 from dualbend.cli.process import lost, signals_raised, whole_streams
 from dualbend.errors import DualbendError, shortened, writing
 from dualbend.files import write_whole
 
 if TYPE_CHECKING:
     from click._termui_impl import ProgressBar
-    from click.shell_completion import CompletionItem
 
     from dualbend.run.record import RunRecord
     from dualbend.scenario.scenario import Scenario
@@ -69,21 +69,13 @@ FOLDER = _Path(path_type=Path, file_okay=False)
 NUMBER = Number()
 
 
-def complete_scenarios(
-    _: click.Context, __: click.Parameter, incomplete: str
-) -> list[CompletionItem]:
-    """Offer the shipped scenarios and the TOML files to the shell."""
-    from dualbend.scenario.shipped import complete_scenario
-
-    return complete_scenario(incomplete)
-
-
 SCENARIO = click.argument("scenario", shell_complete=complete_scenarios)
 SETTINGS = click.option(
     "--set",
     "settings",
     multiple=True,
     metavar="PATH.TO.KEY=VALUE",
+    shell_complete=complete_settings,
     help="Change one key of the scenario; may be given more than once.",
 )
 SEED = click.option("--seed", type=click.IntRange(min=0), help="Seed of the sensor noise.")

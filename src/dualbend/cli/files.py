@@ -13,11 +13,11 @@ from dualbend.cli.common import (
     PATH,
     SETTINGS,
     command,
-    complete_scenarios,
     deliver,
     load,
     print_json,
 )
+from dualbend.cli.completion import complete_materials, complete_scenarios
 from dualbend.errors import InputError, brief, refusing
 
 
@@ -152,7 +152,7 @@ def _check_arm(name: str, settings: tuple[str, ...], out: Path | None, *, as_jso
 
 
 @command("dualbend materials", "dualbend materials 6061-T6", "dualbend materials --json")
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=complete_materials)
 @MARKDOWN_TABLE
 @OUT_FILE
 @JSON

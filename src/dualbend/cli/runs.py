@@ -20,7 +20,6 @@ from dualbend.cli.common import (
     SETTINGS,
     Number,
     command,
-    complete_scenarios,
     exit_by,
     load,
     progress_bar,
@@ -28,6 +27,7 @@ from dualbend.cli.common import (
     show_warnings,
     shown,
 )
+from dualbend.cli.completion import complete_scenarios
 from dualbend.errors import InputError, writing
 from dualbend.files import write_whole
 
@@ -218,7 +218,7 @@ def _show_sheet(sheet: dict[str, Any]) -> None:
 
 @command("dualbend render pwb --out pwb.gif --speed 4")
 @SCENARIO
-@click.option("--out", type=PATH, required=True, help=".gif or .png file.")
+@click.option("--out", type=PATH, required=True, help=".gif, .mp4 or .png file.")
 @SETTINGS
 @SEED
 @click.option("--camera", help="Camera of the scene: front; bed, in an assembly.")
@@ -243,7 +243,7 @@ def render(
 ) -> None:
     """Save a picture or video of a run, without a screen.
 
-    The extension of --out decides: .gif is a video, .png a picture.
+    The extension of --out decides: .gif and .mp4 are a video, .png a picture.
     """
     from dualbend.recording import offscreen
 

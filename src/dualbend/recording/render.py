@@ -20,18 +20,13 @@ from dualbend.errors import InputError, writing
 from dualbend.files import whole_file
 from dualbend.recording.layers import layers_of
 from dualbend.recording.offscreen import no_opengl
+from dualbend.recording.video import SUFFIXES, largest_fps, refuse_missing, save_frames
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
-
-SUFFIXES = (".gif", ".png")
 
 _ASPECT = 9 / 16
 _LARGEST_PX, _SMALLEST_PX = 1920, 160
 _INSET_SHARE, _INSET_ASPECT = 0.30, 0.78
-_LAST_FRAME_S = 1.5
-"""How long a video stands still on its last frame before it begins anew."""
-
-_COLOURS, _PALETTE_FRAMES = 255, 12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +49,7 @@ class Look:
     @property
     def size_px(self) -> tuple[int, int]:
         """Width and height, even."""
-        return self.width_px, 2 * round(self.width_px * _ASPECT / 2)
+        return 2 * (self.width_px // 2), 2 * round(self.width_px * _ASPECT / 2)
 
 
 def check_look(look: Look, run: Run, path: Path) -> None:
@@ -65,17 +60,16 @@ def check_look(look: Look, run: Run, path: Path) -> None:
     InputError
         A kind of file, a folder, a camera or a number that cannot be used, no OpenGL.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(
-            f"--out {path}: {' and '.join(SUFFIXES)} can be written; for another kind of video "
-            "write a .gif and convert it, e.g. ffmpeg -i run.gif run.mp4"
-        )
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"--out {path}: {', '.join(SUFFIXES)} can be written")
+    refuse_missing(path)
     if not path.parent.is_dir():
         raise InputError(f"--out {path}: {path.parent} is no folder")
-    if look.at_s is not None and path.suffix.lower() != ".png":
+    if look.at_s is not None and suffix != ".png":
         raise InputError(f"--at {look.at_s:g}: is the time of a .png, {path.name} is a video")
     for name, value, low, high in (
-        ("fps", look.fps, 1, 50),  # a GIF's time is in hundredths of a second
+        ("fps", look.fps, 1, largest_fps(suffix)),
         ("speed", look.speed, 0.01, 100),
         ("width", look.width_px, _SMALLEST_PX, _LARGEST_PX),
     ):
@@ -96,15 +90,8 @@ def frame_rows(rows: int, look: Look, period_s: float) -> NDArray[np.intp]:
     return np.minimum(shown, rows - 1)
 
 
-def frame_times_ms(count: int, fps: float) -> list[int]:
-    """Return how long each frame is shown [ms], whole hundredths of a second, right on average."""
-    ends = 10 * np.rint(100.0 * np.arange(count + 1) / fps).astype(int)
-    times: list[int] = np.diff(ends).tolist()
-    return [*times[:-1], times[-1] + round(1e3 * _LAST_FRAME_S)]
-
-
 def write_video(result: RunRecord, path: Path, look: Look) -> int:
-    """Draw the run into ``path`` (.gif, .png) and return the number of frames.
+    """Draw the run into ``path`` (.gif, .png, .mp4) and return the number of frames.
 
     Raises
     ------
@@ -120,14 +107,9 @@ def write_video(result: RunRecord, path: Path, look: Look) -> int:
         if still
         else frame_rows(rows, look, period_s)
     )
-    with Stage(result, look) as stage:
-        frames = [stage.picture(row) for row in shown.tolist()]
-    with writing(path, "--out"), whole_file(path) as part:
-        if still:
-            frames[0].save(part)
-        else:
-            _save_gif(frames, part, frame_times_ms(len(frames), look.fps))
-    return len(frames)
+    with Stage(result, look) as stage, writing(path, "--out"), whole_file(path) as part:
+        save_frames(map(stage.picture, shown.tolist()), part, look.fps)
+    return len(shown)
 
 
 def _row_at(rows: int, at_s: float | None, period_s: float) -> int:
@@ -241,17 +223,3 @@ def _write(picture: Image.Image, corner: tuple[int, int], text: str, share: floa
     pad = max(2, picture.width // 160)
     draw.rectangle((box[0] - pad, box[1] - pad, box[2] + pad, box[3] + pad), fill=(245, 246, 248))
     draw.text(corner, text, font=font, anchor="lb", fill=(25, 28, 34))
-
-
-def _save_gif(frames: list[Image.Image], path: Path, times_ms: list[int]) -> None:
-    """Write a GIF with one palette: what stands still between two frames then costs nothing."""
-    sample = frames[:: max(1, len(frames) // _PALETTE_FRAMES)]
-    width, height = frames[0].size
-    sheet = Image.new("RGB", (width, height * len(sample)))
-    for i, frame in enumerate(sample):
-        sheet.paste(frame, (0, i * height))
-    # By octree: the median cut gives all colours to the floor and none to the brass pins.
-    palette = sheet.quantize(_COLOURS, method=Image.Quantize.FASTOCTREE)
-    none = Image.Dither.NONE
-    first, *others = (frame.quantize(palette=palette, dither=none) for frame in frames)
-    first.save(path, save_all=True, append_images=others, duration=times_ms, loop=0, disposal=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,14 @@ def _picture(shown: Plot) -> tuple[Figure, Axes]:
     draw(axes, shown)
     legend_below(figure, axes, 3)
     return figure, axes
+
+
+@own_style()
+def png_of(shown: Plot) -> bytes:
+    """Return the picture of a plot, as PNG."""
+    with BytesIO() as part:
+        _picture(shown)[0].savefig(part, dpi=_DPI)
+        return part.getvalue()
 
 
 @own_style()

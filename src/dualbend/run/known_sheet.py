@@ -60,7 +60,7 @@ def make_compliance(scenario: Scenario) -> Controller:
     )
     if isinstance(scenario.compliance, MassSpringDamperConfig):
         return SpatialAdmittance(
-            scenario.compliance, period_s=COMMAND_PERIOD_S, sensing=sensing, complying=complying
+            scenario.compliance, period_s=scenario.period_s, sensing=sensing, complying=complying
         )
     admittance = make_admittance(scenario, (len(sensing),))
     return PairCompliance(admittance, sensing=sensing, complying=complying)

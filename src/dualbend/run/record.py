@@ -191,6 +191,11 @@ class RunRecord:
         computed: dict[str, Metric] = self.task.part("metrics")(self)
         return computed
 
+    def _repr_html_(self) -> str:
+        """Return the HTML by which a notebook shows the run: its end, its moment, its metrics."""
+        shown: str = self.task.part("notebook")(self)
+        return shown
+
     @property
     def model(self) -> mujoco.MjModel:
         """The model with its looks."""

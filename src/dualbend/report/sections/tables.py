@@ -13,11 +13,15 @@ from dualbend.table import Code, Column, Columns, Table, quantity, shown
 
 def metrics_section(runs: Sequence[RunRecord], names: Sequence[str], of: str) -> Section:
     """Return the metrics, a column a run, the unit last; ``of``: over which phases they are."""
+    shown = metrics_table(runs, names, f"Metrics; moments and forces are true ones, {of}")
+    return Section("Metrics", [shown if shown.rows else "The run left no metrics."])
+
+
+def metrics_table(runs: Sequence[RunRecord], names: Sequence[str], caption: str) -> Table:
+    """Return the table of the metrics, a column a run, the unit last."""
     known: dict[str, str] = {}
     for run in runs:
         known.update({name: m.unit for name, m in run.summary.metrics.items() if name not in known})
-    if not known:
-        return Section("Metrics", ["The run left no metrics."])
     rows = [
         (
             name.replace("_", " "),
@@ -27,9 +31,7 @@ def metrics_section(runs: Sequence[RunRecord], names: Sequence[str], of: str) ->
         for name, unit in known.items()
     ]
     columns: Columns = ["metric", *(quantity(name) for name in names), "unit"]
-    return Section(
-        "Metrics", [Table(columns, rows, f"Metrics; moments and forces are true ones, {of}")]
-    )
+    return Table(columns, rows, caption)
 
 
 def _unbroken(unit: str) -> str:
