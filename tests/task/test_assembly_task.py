@@ -76,8 +76,9 @@ class World:
 
     Held up, it pushes like the program's own believed stiffness. ``alone``: in which phase one pin
     of the pair that is felt in it holds the turned sheet by itself, 1 the right one, -1 the left.
-    ``tip_m``: how high the middle is held where its holes do not fit; ``play_rad``: which it has
-    then in turning.
+    ``across``: force on the turned
+    sheet besides, at either end [N]. ``tip_m``: how high the middle is held where its holes do not
+    fit; ``play_rad``: which it has then in turning.
     """
 
     program: AssemblyProgram
@@ -88,6 +89,7 @@ class World:
     held: tuple[bool, bool, bool] = (True, True, True)
     arm_m: float = 0.14
     alone: dict[str, float] = field(default_factory=dict)
+    across: tuple[float, float] = (0.0, 0.0)
     tip_m: float = HEIGHT
     play_rad: float = 0.2e-3 / LAYOUT.holes.middle.along_m
     too_low_m: float = 0.0
@@ -160,6 +162,8 @@ class World:
         beyond = np.sign(away) * np.maximum(np.abs(away) - play, 0.0)
         pushed = -STIFFNESS * beyond * (self.held if phase == CHECK else 1.0)
         pushed[1] += self.alone.get(phase, 0.0) * pushed[2] / arm
+        if pushed[2]:
+            pushed[1] += self.across[int(pushed[2] > 0.0)]
         return pushed
 
     def _middle(self, posture: Posture, seat: float) -> float:
@@ -595,6 +599,14 @@ def test_a_force_across_that_does_not_come_of_one_pin_alone_stops_nothing(
     phase: str, share: float
 ) -> None:
     assert phases(play(World(make(COMPLIANT), alone={phase: share}))) == list(PHASES)
+
+
+@pytest.mark.parametrize("across", [(8.0, 8.0), (8.0, -0.6), (-0.6, 8.0), (-8.0, 0.6)])
+def test_pins_that_stand_off_their_middle_are_two_also_where_arms_jump_between_both_ends(
+    across: tuple[float, float],
+) -> None:
+    """The second pair of forces was found in `pwb`, seed 2, of 5 N each at the outer pins."""
+    assert phases(play(World(make(COMPLIANT), across=across))) == list(PHASES)
 
 
 def test_the_bent_sheet_is_turned_from_one_middle_pin_to_the_other_gently() -> None:

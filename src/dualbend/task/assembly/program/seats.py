@@ -18,8 +18,11 @@ from dualbend.types import SIDES, Vector
 _M_PER_S, _SEEN_LATE_S, _STUCK_M = 3e-4, 0.3, 2e-3
 """How fast a sheet is moved to a pin, how late its force is noticed, how far arms may stick."""
 
-_ONE_PIN = 0.5
-"""Share of the force across that one pin makes in turning, from where on it is one, not two."""
+_ONE_PIN, _AT_AN_END = 0.5, 0.3
+"""Share of the force across that one pin makes in turning, from where on it is one, not two.
+
+At each end by itself, too: arms that stick may jump across between both.
+"""
 
 _NO_PLAY = 0.5
 """Share of a play below which a turned sheet has none; arms that overshoot make some of it."""
@@ -87,8 +90,8 @@ class CheckPair(Step):
     """Stop the task where the sheet was turned one way and the other against one pin of a pair.
 
     Two pins hold the turning sheet with a couple of forces, ±F; one of them alone with F, so that
-    the force across is M/s, s its arm, and changes its sign with the moment M. What two pins hold
-    off their middle make of it does not.
+    the force across is M/s, s its arm, and changes its sign with the moment M. What two pins that
+    stand off the middle of their play add to it does not.
     """
 
     name: Literal["middle", "outer"]
@@ -97,12 +100,12 @@ class CheckPair(Step):
     def advance(self, state: State) -> bool:
         """Compare both ends of the turn."""
         one, other = (pushed.wrench for pushed in state.pushed)
-        change = other - one
-        share = float(change[1] * self.arm_m / change[2])
-        if abs(share) < _ONE_PIN:
-            return False
         # A pin on the right, at +s, turns with a force of its sign.
-        missing = SIDES[0] if share > 0.0 else SIDES[1]
+        both, *ends = (self.arm_m * float(w[1] / w[2]) for w in (other - one, one, other))
+        side = math.copysign(1.0, both)
+        if abs(both) < _ONE_PIN or min(side * end for end in ends) < _AT_AN_END:
+            return False
+        missing = SIDES[0] if side > 0.0 else SIDES[1]
         raise state.stopped(
             f"the {self.name} {missing} pin is not felt: turned one way and the other, the sheet "
             f"is pushed across with {one[1]:.2f} and {other[1]:.2f} N, by one pin; two would turn "
