@@ -432,6 +432,14 @@ def test_a_pin_that_is_thicker_than_its_hole_does_not_let_it_down() -> None:
     assert heights[HOLES.index("middle_right")] == pytest.approx(rim, abs=0.2e-3)
 
 
+def test_a_step_is_divided_where_a_hole_is_around_a_tip_that_is_too_thick_for_it() -> None:
+    """All around the tip it is as stiff as metal: what one step falls there is 100 N too much."""
+    thick = LayoutConfig(pins=PinsConfig(thicker_m=(0.0, 3e-4, 0.0, 0.0)))
+    for layout, parts in ((ROUND, 1), (thick, 16)):
+        assert parts_of(Scene(layout), -2.1e-3, 0.0) == parts
+    assert parts_of(Scene(thick), 1e-3, 0.0) == 1
+
+
 def test_a_sheet_lies_on_the_tips_of_the_pins_that_stand() -> None:
     scene = fallen(LayoutConfig(pins=PinsConfig(missing=("outer_left",))), 3e-3, 0.0, 0.0)
     on_pins = {scene.model.geom(other).name for _, other, _ in scene.contacts()}

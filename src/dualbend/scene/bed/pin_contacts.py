@@ -62,6 +62,7 @@ class PinContacts:
         self._strips = [model.body(strip_body(i)).id for i in range(strips.hinges + 1)]
         self._model = model
         self._distance = [model.sensor(f"distance_{hole}").adr[0] for hole in HOLES]
+        self._jams = np.array(layout.pins.thicker_m) > layout.holes.clearance_m
         self._forget()
 
     def _forget(self) -> None:
@@ -93,6 +94,8 @@ class PinContacts:
         if np.any(strikes & (self._data.sensordata[self._distance] < 0.0)):
             needed = max(needed, 4.0)
         needed = min(needed, 8.0) * self._finer
+        if np.any(self._jams & strikes & (above < 0.0)):
+            needed = 16.0
         return next((n for n in (1, 2, 4, 8, 16) if needed <= n), 32)
 
     def peaks(self) -> PinPeaks:

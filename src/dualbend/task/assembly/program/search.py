@@ -29,6 +29,7 @@ class HolePair:
     Pressed for ``patience_s`` without ``progress``, they come no further. ``yields``: how far a
     force [N] holds them above the coordinate. ``cannot``: what it means that they went ``felt``
     down at two places, one hole on a pin then, and did not come on; 0: of any end of the search.
+    ``sunk``: height from where on down one of them must be on its pin.
     """
 
     name: Literal["middle", "outer"]
@@ -45,22 +46,38 @@ class HolePair:
     patience_s: float = math.inf
     progress: float = 0.0
     yields: Callable[[float], float] = rigid
+    sunk: float = -math.inf
 
     def value(self, state: State) -> float:
         """Return the present value of the coordinate."""
         return float(getattr(state.posture, self.coordinate))
 
+    def height(self, state: State) -> float:
+        """Return how high the holes are, in the coordinate: arms were raised, the sheet yields."""
+        raised = state.height if self.coordinate == "z" else 0.0
+        return self.value(state) + raised + self.yields(self.support(state, MEAN_CYCLES))
+
+    def off(self, state: State) -> bool:
+        """Tell whether the holes are not on their pins, by force or by height."""
+        short = self.height(state) - self.target
+        return self.support(state, MEAN_CYCLES) >= self.missed_n or short > self.short
+
+    def one_is_on(self, state: State) -> bool:
+        """Tell whether the holes are so low that one must be on its pin, and the other is not."""
+        return self.off(state) and self.height(state) <= self.sunk
+
     def missed(self, state: State) -> bool:
         """Tell whether to try again; stop the task after the last attempt."""
-        support, short = self.support(state, MEAN_CYCLES), self.value(state) - self.target
-        if support < self.missed_n and short <= self.short:
+        if not self.off(state):
             return False
+        support, height = self.support(state, MEAN_CYCLES), self.height(state)
+        short = height - self.target
         if state.attempt + 1 < self.attempts:
             state.tried.append(
                 Tried(
                     place=state.came(),
                     wanted=state.sent(),
-                    height=self.value(state) + self.yields(support),
+                    height=height,
                     moment=float(state.contact_wrench(state.mean().net)[2]),
                 )
             )

@@ -3,11 +3,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
 
-from dualbend.task.assembly.program.motions import Posture, interpolate
-from dualbend.task.assembly.program.state import State
+from dualbend.scene.bed.config import HolesConfig
+from dualbend.task.assembly.program.motions import Pace, Posture, interpolate
+from dualbend.task.assembly.program.search import HolePair
+from dualbend.task.assembly.program.state import Pushed, State
 from dualbend.task.assembly.program.steps import Motion, Step
+from dualbend.types import SIDES, Vector
+
+_M_PER_S, _SEEN_LATE_S, _STUCK_M = 3e-4, 0.3, 2e-3
+"""How fast a sheet is moved to a pin, how late its force is noticed, how far arms may stick."""
+
+_ONE_PIN, _AT_AN_END = 0.5, 0.3
+"""Share of the force across that one pin makes in turning, from where on it is one, not two.
+
+At each end by itself, too: arms that stick may jump across between both.
+"""
+
+_NO_PLAY = 0.5
+"""Share of a play below which a turned sheet has none; arms that overshoot make some of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +35,7 @@ class TouchPins(Step):
     ``axis``: x, y or yaw; ``step``: of a cycle, one way or the other, [m] or [rad]. They hold it
     where it is pushed back with ``force`` [N] or [N m], within ``most`` of motion, as the encoders
     tell it: arms that stick need not go where they are sent. ``slack``: sent further, an arm that
-    has not moved is stuck.
+    has not moved is stuck. ``must``: else it only ends there.
     """
 
     axis: int
@@ -25,6 +43,7 @@ class TouchPins(Step):
     force: float
     most: float
     slack: float
+    must: bool = True
 
     def advance(self, state: State) -> bool:
         """Go on until the force is felt."""
@@ -34,10 +53,14 @@ class TouchPins(Step):
         assert state.touch_from is not None
         felt = -way * float(state.contact_wrench(seen.net)[self.axis])
         if felt >= self.force:
+            state.pushed.append(Pushed(seen.place, state.contact_wrench(seen.net)))
             return False
         moved = way * float(seen.place[self.axis] - state.touch_from[self.axis])
         sent = abs(state.cycle * self.step)
         if moved > self.most or sent > self.most + self.slack:
+            if not self.must:
+                state.pushed.append(Pushed(seen.place, state.contact_wrench(seen.net)))
+                return False
             raise state.stopped(self._said(moved, felt))
         here = getattr(state.posture, name) + self.step
         state.posture, state.cycle = replace(state.posture, **{name: here}), state.cycle + 1
@@ -60,3 +83,141 @@ class Centre(Motion):
     def target(self, state: State) -> Posture:
         """Return the middle between here and where the last motion began."""
         return interpolate(state.posture, state.begin, 0.5)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckPair(Step):
+    """Stop the task where the sheet was turned one way and the other against one pin of a pair.
+
+    Two pins hold the turning sheet with a couple of forces, ±F; one of them alone with F, so that
+    the force across is M/s, s its arm, and changes its sign with the moment M. What two pins that
+    stand off the middle of their play add to it does not.
+    """
+
+    name: Literal["middle", "outer"]
+    arm_m: float
+
+    def advance(self, state: State) -> bool:
+        """Compare both ends of the turn."""
+        one, other = (pushed.wrench for pushed in state.pushed)
+        # A pin on the right, at +s, turns with a force of its sign.
+        both, *ends = (self.arm_m * float(w[1] / w[2]) for w in (other - one, one, other))
+        side = math.copysign(1.0, both)
+        if abs(both) < _ONE_PIN or min(side * end for end in ends) < _AT_AN_END:
+            return False
+        missing = SIDES[0] if side > 0.0 else SIDES[1]
+        raise state.stopped(
+            f"the {self.name} {missing} pin is not felt: turned one way and the other, the sheet "
+            f"is pushed across with {one[1]:.2f} and {other[1]:.2f} N, by one pin; two would turn "
+            "it without"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckPlay(Step):
+    """Stop the task where the turned sheet was held both ways with hardly any play.
+
+    So it is where one hole lies around the tip of its pin and cannot go down: it has none. A hole
+    beside its pin leaves the other one's ``play`` [rad].
+    """
+
+    play: float
+    force: float
+
+    def advance(self, state: State) -> bool:
+        """Compare where the sheet was held."""
+        one, other = state.pushed
+        turned = float(one.place[2] - other.place[2])
+        held = min(-one.wrench[2], other.wrench[2])
+        if held < self.force or turned > _NO_PLAY * self.play:
+            return False
+        raise state.stopped(
+            "a middle hole is around the tip of its pin and does not go down: the turned sheet is "
+            f"held after {1e3 * turned:.2f} mrad, where a hole and its pin as drawn leave "
+            f"{1e3 * self.play:.2f}; the hole is too small, or the pin too thick"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WhereOneIsOn(Step):
+    """A step that is made only where one hole of a pair is on its pin and the other is not."""
+
+    holes: HolePair
+    step: Step
+
+    def advance(self, state: State) -> bool:
+        """Ask once, where it begins."""
+        if state.cycle == 0 and not self.holes.one_is_on(state):
+            return False
+        return self.step.advance(state)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Feeling:
+    """Steps that move the sheet from pin to pin, with ``force_n`` at most.
+
+    ``rubber`` (3,): stiffness of both grips along x, y [N/m] and about the vertical [N m/rad];
+    ``pace`` of the motions back to the middle; ``slower``: by which factor pins are felt for.
+    """
+
+    holes: HolesConfig
+    force_n: float
+    rubber: Vector
+    pace: Pace
+    slower: int = 1
+
+    def jammed(self, pair: HolePair) -> Iterator[Step]:
+        """Turn the bent sheet where one of its middle holes is on its pin and the other is not."""
+        gently, arm, play = self._gently()
+        touches = gently._touches(2, play, arm, must=False)
+        check = CheckPlay(play=play, force=gently.force_n * arm)
+        for step in (*touches, check, gently._back()):
+            yield WhereOneIsOn(holes=pair, step=step)
+
+    def middle(self) -> Iterator[Step]:
+        """Turn the bent sheet on its middle pins alone: the outer ones would hide that one lacks.
+
+        They are near each other: the same motion and moment would press them harder.
+        """
+        gently, arm, play = self._gently()
+        yield from gently._touches(2, 2.0 * play, arm)
+        yield CheckPair(name="middle", arm_m=arm)
+        yield gently._back()
+
+    def all(self) -> Iterator[Step]:
+        """Move the sheet along, across and turning about the vertical.
+
+        A seated sheet has its clearance c, and what yields to the force at both ends. One that no
+        pins hold goes on; one that only the middle pins hold turns c/s, s their arm, before they
+        do, and is stopped midway between that and the play of the outer ones.
+        """
+        c, near, far = self.holes.clearance_m, self.holes.middle.along_m, self.holes.outer.along_m
+        for axis in (0, 1):
+            yield from self._touches(axis, 2.0 * c)
+            yield self._back()
+        yield from self._touches(2, 0.5 * (c / far + c / near), far)
+        yield CheckPair(name="outer", arm_m=far)
+        yield self._back()
+
+    def _gently(self) -> tuple[Feeling, float, float]:
+        """Return what feels middle pins, their arm [m] and play [rad]."""
+        arm = self.holes.middle.along_m
+        gently = replace(self, force_n=0.5 * self.force_n, slower=2)
+        return gently, arm, self.holes.clearance_m / arm
+
+    def _touches(
+        self, axis: int, free: float, arm: float = 1.0, *, must: bool = True
+    ) -> Iterator[TouchPins]:
+        """Move the sheet one way, and the other; it may move freely by ``free`` [m] or [rad]."""
+        force, speed = self.force_n * arm, _M_PER_S / self.slower / arm
+        yields = 2.0 * force / float(self.rubber[axis]) + _SEEN_LATE_S * speed
+        step, slack = speed * self.pace.period_s, _STUCK_M / arm
+        touch = partial(
+            TouchPins, axis=axis, force=force, most=free + yields, slack=slack, must=must
+        )
+        yield touch(step=step)
+        yield touch(step=-step)
+
+    def _back(self) -> Centre:
+        turning = self.pace.linear_m_per_s / self.holes.outer.along_m
+        return Centre(pace=replace(self.pace, angular_rad_per_s=turning))

@@ -20,6 +20,17 @@ SUPPORT_CYCLES = 5
 """Over which a force is averaged that ends a motion."""
 
 
+class Pushed(NamedTuple):
+    """How a sheet was held that was moved to a pin.
+
+    ``place``: x, y [m] and yaw [rad] (3,) by the encoders; ``wrench``: force x, y and moment z (3,)
+    of its contacts.
+    """
+
+    place: Vector
+    wrench: Vector
+
+
 class Tried(NamedTuple):
     """Where holes were let down in vain.
 
@@ -46,8 +57,9 @@ class State:
     above theirs. ``height`` [m]: by how much the arms are raised, since by the press on the middle
     they stand too low; ``slack`` [m]: by how much farther out each is, since the flat sheet was
     pushed; ``levels`` (2,) [m]: by how much each is higher, since its end was held up.
-    ``touch_from``: place from which the sheet is moved towards a pin. ``tried``: places at which
-    the present pair of holes did not find its pins. ``memory`` of the sheets before.
+    ``touch_from``: place from which the sheet is moved towards a pin; ``pushed``: by pins, the last
+    two times. ``tried``: places at which the present pair of holes did not find its pins.
+    ``memory`` of the sheets before.
     """
 
     posture: Posture
@@ -71,6 +83,7 @@ class State:
     slack: float = 0.0
     levels: tuple[float, float] = (0.0, 0.0)
     touch_from: Vector | None = None
+    pushed: deque[Pushed] = field(default_factory=lambda: deque(maxlen=2))
     memory: Memory = field(default_factory=Memory)
 
     @property

@@ -23,7 +23,7 @@ from dualbend.task.assembly.program.learning import Carry, Learn
 from dualbend.task.assembly.program.middle import BentMiddle, Yields, rigid
 from dualbend.task.assembly.program.motions import CHECK, Pace, Posture
 from dualbend.task.assembly.program.search import GoAside, HolePair, MoveDown, Turn
-from dualbend.task.assembly.program.seats import Centre, TouchPins
+from dualbend.task.assembly.program.seats import Feeling
 from dualbend.task.assembly.program.state import MEAN_CYCLES, State
 from dualbend.task.assembly.program.steps import (
     CheckFlat,
@@ -38,8 +38,8 @@ from dualbend.task.assembly.program.steps import (
 _TIP_MARGIN_M = 1.5e-3
 """Above and below the tips of the pins, where motions are slow."""
 
-_CHECK_M_PER_S, _SEEN_LATE_S, _STUCK_M = 3e-4, 0.3, 2e-3
-"""How fast a sheet is moved to a pin, how late its force is noticed, how far arms may stick."""
+_CHECK_M_PER_S = 3e-4
+"""How fast the outer holes are turned: as slowly as pins are felt for."""
 
 _ARMS_OFF_M = 1e-3
 """By how much arms may stand higher, lower, nearer or farther than they know."""
@@ -64,6 +64,12 @@ _HELD_UP = 0.25
 
 With one of its holes on a tip the middle is half of it, an end all of it; arms that stand too low
 are some tenths of a millimetre.
+"""
+
+_SUNK = 0.6
+"""Share of a pin's height: a middle that is held up by less has one hole on its pin.
+
+With the other one on its tip it is half of it.
 """
 
 
@@ -174,6 +180,12 @@ class AssemblyProgram:
         closed = wait(quantity=State.jaw_travel, below=0.1 * t, otherwise=rest)
         opened = wait(quantity=State.jaw_gap, above=1.6 * start.opening, otherwise=gap)
         middle, outer = self._middle_holes(layer), self._outer_holes()
+        feel = self._feeling()
+        on_all = [] if feel is None else list(feel.all())
+        # Arms that do not comply have not found the middle pins so well that they may be turned.
+        felt = feel is not None and config.compliance is not None
+        on_middle = [settle(alpha_ratio=1.0), *feel.middle()] if feel is not None and felt else []
+        jammed = list(feel.jammed(middle)) if feel is not None and felt else []
         touch, slack = self._unfold_to_touch(layer), self._slack()
         EI = self.sheet.bending_stiffness_nm2
         weighed = CheckWeight(weight, self.least_force_n)
@@ -196,11 +208,11 @@ class AssemblyProgram:
             Phase("carry", [Carry(pace=self.pace, z=over), settle()], slack=slack),
             Phase("bend", [move(pace=slow, alpha=self.bend_rad), settle(), Measure("free")]),
             Phase("lower", self._lower(layer, middle, settle())),
-            Phase("seat middle", [settle(alpha_ratio=1.0), *self._press(middle)], middle),
-            Phase("unfold", [touch, settle(alpha_ratio=1.0), Measure("seated")]),
+            Phase("seat middle", [settle(alpha_ratio=1.0), *self._press(middle), *jammed], middle),
+            Phase("unfold", [touch, *on_middle, settle(alpha_ratio=1.0), Measure("seated")]),
             Phase("lower outer", self._lower_outer(layer, touch, outer), slack=slack),
             Phase("seat outer", [settle(alpha_ratio=0.0), *self._level(outer)], outer, slack),
-            Phase(CHECK, [*self._check_seats(), *slacken, *self._learn()], slack=slack),
+            Phase(CHECK, [*on_all, *slacken, *self._learn()], slack=slack),
             Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
         ]
@@ -302,29 +314,15 @@ class AssemblyProgram:
             return []
         return [Learn(near=0.5 * np.array([search.step_m, search.step_m, search.turn_rad]))]
 
-    def _check_seats(self) -> Sequence[Step]:
-        """Move the sheet from pin to pin, along, across and turning about the vertical.
-
-        A seated sheet has its clearance c, and what yields to the force at both ends. One that no
-        pins hold goes on; one that only the middle pins hold turns c/s, s their arm, before they
-        do, and is stopped midway between that and the play of the outer ones.
-        """
-        config, holes = self.config, self.config.layout.holes
+    def _feeling(self) -> Feeling | None:
+        """Return the motions that feel the pins; None where they are not to be felt."""
+        config = self.config
         if not config.check_force_n:
-            return []
-        c, near, far = holes.clearance_m, holes.middle.along_m, holes.outer.along_m
-        free = 2.0 * c, 2.0 * c, 0.5 * (c / far + c / near)
-        slow = self.config.speeds.contact_m_per_s
-        pace = replace(self.pace, linear_m_per_s=slow, angular_rad_per_s=slow / far)
-        steps: list[Step] = []
-        for axis, arm in enumerate((1.0, 1.0, far)):
-            step, force = _CHECK_M_PER_S * self.pace.period_s / arm, config.check_force_n * arm
-            yields = 2.0 * force / self.rubber[axis] + _SEEN_LATE_S * _CHECK_M_PER_S / arm
-            touch = partial(
-                TouchPins, axis=axis, force=force, most=free[axis] + yields, slack=_STUCK_M / arm
-            )
-            steps += [touch(step=step), touch(step=-step), Centre(pace=pace)]
-        return steps
+            return None
+        pace = replace(self.pace, linear_m_per_s=config.speeds.contact_m_per_s)
+        return Feeling(
+            holes=config.layout.holes, force_n=config.check_force_n, rubber=self.rubber, pace=pace
+        )
 
     def _middle_holes(self, layer: int) -> HolePair:
         """Tell a tip from the press on the bent sheet, whose middle either holds up."""
@@ -342,6 +340,7 @@ class AssemblyProgram:
             patience_s=2.0 * _PATIENCE_S,
             progress=_PROGRESS_M,
             yields=self.middle.yields,
+            sunk=self._seat_z(layer) - self.down_m + _SUNK * pin_m,
             attempts=1 + self.config.search.attempts,
             cannot="one was on its pin and the other was not, however the sheet was turned: are "
             "pins and holes as far apart, as thick, as drawn?",
