@@ -22,7 +22,13 @@ from dualbend.control.compliance.admittance import (
     AdmittanceConfig,
     ModelAdmittanceConfig,
 )
-from dualbend.control.compliance.base import AxisConfig
+from dualbend.control.compliance.base import AxisConfig, DirectionConfig
+from dualbend.control.compliance.mass_spring_damper import (
+    DIRECTIONS,
+    Frame,
+    MassSpringDamperConfig,
+    SpatialAdmittance,
+)
 from dualbend.control.compliance.model import ModelAdmittance
 from dualbend.control.compliance.object import (
     ObjectAdmittance,
@@ -491,6 +497,38 @@ def test_path_modification(mode: AlterMode, worlds: Shape, seed: int) -> None:
         return found
 
     inputs = {"pose": (1.0, (2, 3)), "deviation": (0.01, (2, 6))}
+    assert_worlds_are_single_ones(stream, worlds, seed, inputs)
+
+
+@pytest.mark.parametrize("frame", ["world", "grip", "tool"])
+@FEW
+@given(WORLDS, SEEDS)
+def test_mass_spring_dampers(frame: Frame, worlds: Shape, seed: int) -> None:
+    parts = {
+        name: DirectionConfig(m=0.1 * i, b=5.0 + i, k=30.0) for i, name in enumerate(DIRECTIONS)
+    }
+    config = MassSpringDamperConfig(frame=frame, **parts)
+    dead: Any = np.zeros
+
+    def stream(shape: Shape, _: list[int], wrench: Vector, pose: Vector) -> list[tuple[Any, ...]]:
+        both = SpatialAdmittance(config, period_s=T, sensing=(0, 1), complying=(0, 1), shape=shape)
+        found = []
+        for w, p in zip(wrench, pose, strict=True):
+            observation = Observation(
+                time_s=0.0,
+                phase="bend",
+                raw=Wrench(w, "bending", "grip"),
+                filtered=Wrench(w, "bending", "grip"),
+                clipped=dead((*shape, 2, 6), dtype=np.bool_),
+                fresh=dead((*shape, 2), dtype=np.bool_),
+                joints_rad=np.zeros((*shape, 12)),
+                measured=PlanarPose(p + 0.01),
+                nominal=PlanarPose(p),
+            )
+            found.append((both(observation), both.saturated))
+        return found
+
+    inputs = {"wrench": (5.0, (2, 6)), "pose": (0.5, (2, 3))}
     assert_worlds_are_single_ones(stream, worlds, seed, inputs)
 
 

@@ -165,3 +165,19 @@ def test_a_trace_has_all_directions_where_they_may_deviate(tmp_path: Any) -> Non
         assert (np.abs(result[f"left_deviation_{part}"]).max() > 0.0) == (part in "yz")
     assert write_results(result, tmp_path, record=False) == []
     assert load_run(tmp_path).trace.equals(result.trace)
+
+
+@pytest.mark.slow
+def test_yielding_sideways_relieves_a_sheet_that_is_held_askew() -> None:
+    """Golden, the table of docs/your-controller.md: half the lateral force, the yaw moment too."""
+    askew = [f"task.misalignment.right.{key}" for key in ("lateral_m=5e-4", "yaw_rad=2e-3")]
+    askew.append("task.misalignment.right.roll_rad=0.02")
+    soft = "pitch={m=0.05,b=10,k=5,dead_zone=0.05},y={m=5,b=2000,k=200}"
+    kinds = (f'kind="none",{BOTH}', f'kind="mass-spring-damper",{BOTH},{soft}')
+    names = ("peak_moment", "peak_lateral_force", "peak_yaw_moment")
+    found = []
+    for kind in kinds:
+        result = make_run(load_scenario("fig6", [*askew, f"compliance={{{kind}}}"])).run()
+        assert result.outcome == "completed"
+        found.append([result.metrics[name].value for name in names])
+    np.testing.assert_allclose(found, [[0.908, 1.156, 0.476], [0.464, 0.532, 0.226]], atol=2e-3)

@@ -179,11 +179,26 @@ def test_an_action_out_of_reach_ends_the_run_as_a_controllers_does() -> None:
     assert cell.record().outcome == "protective_stop"
 
 
+def test_an_action_in_six_directions_is_that_in_the_plane_where_it_is() -> None:
+    """Exact: the same commands; and one along y moves the grips there."""
+    plain, six, aside = (open_cell("exact", SHORT) for _ in range(3))
+    for cell in (plain, six, aside):
+        cell.reset(seed=1)
+    for n in range(20):
+        plain.step([[1e-4 * n, 0.0, 1e-4 * n]] * 2)
+        six.step([[1e-4 * n, 0.0, 0.0, 0.0, 1e-4 * n, 0.0]] * 2)
+        aside.step([[0.0, 1e-4 * n, 0.0, 0.0, 0.0, 0.0], [0.0, -1e-4 * n, 0.0, 0.0, 0.0, 0.0]])
+    np.testing.assert_array_equal(plain.trace["left_grip_x"], six.trace["left_grip_x"])
+    moved = aside.trace["left_grip_y"][-1] - plain.trace["left_grip_y"][-1]
+    assert moved > 2e-4
+
+
 @pytest.mark.parametrize(
     ("action", "said"),
     [
         (0.1, r"action: of shape \(\); need \(2, 3\)"),
-        (np.zeros((2, 6)), r"action: of shape \(2, 6\)"),
+        (np.zeros((2, 4)), r"action: of shape \(2, 4\)"),
+        (np.zeros((3, 6)), r"action: of shape \(3, 6\)"),
         ([[0, 0, np.nan], [0, 0, 0]], "action: not finite"),
         ([["a", 0, 0], [0, 0, 0]], "action: no array of numbers"),
         ([[0, 0], [0, 0, 0]], "action: no array of numbers"),

@@ -20,11 +20,6 @@ class AlterConfig(Config):
     delay_cycles: Annotated[int, said("transport delay [command periods]", ge=0, le=100)] = 1
 
 
-def out_of_plane(deviation: Vector) -> bool:
-    """Tell whether a deviation (..., 6) has a part along y, in roll or in yaw."""
-    return bool(np.count_nonzero(deviation[..., 1::2]))
-
-
 class PathModification:
     """Add a deviation to a nominal grip pose (x, z, α) in the bending frame B.
 
@@ -57,10 +52,9 @@ class PathModification:
         turned = planar.copy()
         turned[..., 0] = planar[..., 0] * c + planar[..., 1] * s
         turned[..., 1] = planar[..., 1] * c - planar[..., 0] * s
-        if out_of_plane(deviation):
-            aside = aside.copy()
-            angles = carried(deviation[..., 3:], phi, -np.asarray(phi))
-            aside[..., 1], turned[..., 2], aside[..., 2] = np.moveaxis(angles, -1, 0)
+        angles = conjugated(deviation[..., 3:], phi)
+        turned[..., 2] = angles[..., 1]
+        aside = np.concatenate((aside[..., :1], angles[..., ::2]), axis=-1)
         return PlanarPose(nominal.coordinates + turned), aside
 
 
@@ -86,9 +80,16 @@ def angles_of(rotation: Vector) -> Vector:
     )
 
 
-def carried(angles: Vector, before: Reals, after: Reals) -> Vector:
-    """Return the angles (..., 3) of R_y(before) R(angles) R_y(after) [rad]."""
-    return angles_of(_about(1, before) @ turn(angles) @ _about(1, after))
+def conjugated(angles: Vector, slope_rad: Reals) -> Vector:
+    """Return the angles (..., 3) of R_y(φ) R(angles) R_y(−φ) at slopes φ (...) [rad].
+
+    To the bit the same where there is neither roll nor yaw: then nothing depends on the slope.
+    """
+    if not np.count_nonzero(angles[..., ::2]):
+        return angles
+    slope = np.asarray(slope_rad)
+    found = angles_of(_about(1, slope) @ turn(angles) @ _about(1, -slope))
+    return np.where(np.any(angles[..., ::2], axis=-1, keepdims=True), found, angles)
 
 
 def _about(axis: int, angle: Reals) -> Vector:

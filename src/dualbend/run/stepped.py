@@ -85,15 +85,16 @@ class Cell:
     def step(self, action: ArrayLike | None = None) -> Observation:
         """Run one command cycle and return what is observed in the next; the last one at the end.
 
-        ``action`` (2, 3): the deviation of the left and the right arm from the nominal path, along
-        x and z [m] and in pitch [rad], each in its arm's bending frame, not cumulative. It is
-        executed as a controller's is: after the transport delay, within the guard, and an arm that
-        cannot get there stops. None: the scenario's own controller acts.
+        ``action`` (2, 6), or (2, 3) in the plane: the deviation of the left and the right arm from
+        the nominal path, x, y, z [m], roll, pitch, yaw [rad], or x, z and pitch, each in its arm's
+        bending frame, not cumulative. It is executed as a controller's is: after the transport
+        delay, within the guard, and an arm that cannot get there stops. None: the scenario's own
+        controller acts.
 
         Raises
         ------
         InputError
-            The run has ended or was not begun, or the action is not six finite numbers.
+            The run has ended or was not begun, or the action is not such finite numbers.
         """
         deviation = None if action is None else _deviation(action)
         self._running()
@@ -170,17 +171,20 @@ def _seeded(scenario: Scenario, seed: int) -> Scenario:
 
 
 def _deviation(action: ArrayLike) -> Vector:
-    """Return the deviation (2, 6) of an action (2, 3); InputError where it is none."""
+    """Return the deviation (2, 6) of an action (2, 3) or (2, 6); InputError where it is none."""
     try:
-        planar = np.asarray(action, dtype=np.float64)
+        given = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise InputError(f"action: no array of numbers: {error}") from error
-    if planar.shape != (len(SIDES), 3):
+    if given.ndim != 2 or given.shape[0] != len(SIDES) or given.shape[1] not in (3, 6):
         raise InputError(
-            f"action: of shape {planar.shape}; need (2, 3): x, z [m] and pitch [rad] of each arm"
+            f"action: of shape {given.shape}; need (2, 3): x, z [m] and pitch [rad] of each arm, "
+            "or (2, 6): x, y, z, roll, pitch, yaw"
         )
-    if not np.isfinite(planar).all():
-        raise InputError(f"action: not finite: {planar.tolist()}")
+    if not np.isfinite(given).all():
+        raise InputError(f"action: not finite: {given.tolist()}")
+    if given.shape[1] == 6:
+        return given.copy()
     deviation = np.zeros((len(SIDES), 6))
-    deviation[:, ::2] = planar
+    deviation[:, ::2] = given
     return deviation

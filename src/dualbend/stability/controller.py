@@ -7,8 +7,6 @@ to rounding (tested). Of a user's class it is what the object itself says of its
 
 from __future__ import annotations
 
-import math
-
 import msgspec
 import numpy as np
 
@@ -26,15 +24,18 @@ from dualbend.run.known_sheet import make_admittance, make_compliance
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.state_space import StateSpace, from_transfer_function, parallel, static
 
-_NEARLY_0 = 1e-7
-"""Of a denominator at z = 1: a pure damper yields until nothing pushes any more."""
+_MOVED_IN = 1e-8
+"""By which part the poles of a pure damper are moved in: at rest it has no value."""
 
 
 class LinearAxis:
     """One axis of a controller of which nothing but its transfer function is known."""
 
     def __init__(self, transfer: TransferFunction) -> None:
-        self._transfer = transfer
+        numerator, denominator = transfer
+        if abs(float(denominator.sum())) < _MOVED_IN:
+            denominator = denominator * (1.0 - _MOVED_IN) ** np.arange(len(denominator))
+        self._transfer = numerator, denominator
 
     def transfer_function(self) -> TransferFunction:
         """Tell H(z) in powers of z⁻¹ [m/N] or [rad/(N m)]."""
@@ -43,8 +44,8 @@ class LinearAxis:
     @property
     def static_compliance(self) -> float:
         """Deviation per steady load H(1) [m/N] or [rad/(N m)]; very large of a pure damper."""
-        above, below = (float(np.sum(part)) for part in self._transfer)
-        return above / (below if abs(below) > _NEARLY_0 else math.copysign(_NEARLY_0, below))
+        above, below = (float(part.sum()) for part in self._transfer)
+        return above / below
 
 
 class LinearController:

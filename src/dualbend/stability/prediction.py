@@ -68,7 +68,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     delayed_gain_margin_db: float | None
 
 
-class Prediction(msgspec.Struct, frozen=True, kw_only=True):
+class Prediction(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """The verdict on a scenario: ``stable``, ``unstable`` or ``no compliance``.
 
     ``unstable_rad``: the ranges of the bending angle predicted unstable, ends interpolated.

@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 import numpy as np
 from scipy.linalg import expm
 
-from dualbend.control.alter import carried, out_of_plane
+from dualbend.control.alter import conjugated
 from dualbend.control.clock import TransferFunction
 from dualbend.control.compliance.base import ComplianceBase, DirectionConfig
 from dualbend.control.controller import Observation
@@ -203,9 +203,7 @@ def in_bending_frame(deviation: Vector, slope_rad: Vector) -> Vector:
     Exactly: R_y(φ) R(δ) R_y(−φ) is the rotation that roll, pitch and yaw then say.
     """
     turned = _about_y(deviation, slope_rad)
-    turned[..., 3:] = deviation[..., 3:]
-    if out_of_plane(deviation):
-        turned[..., 3:] = carried(deviation[..., 3:], slope_rad, -np.asarray(slope_rad))
+    turned[..., 3:] = conjugated(deviation[..., 3:], slope_rad)
     return turned
 
 
