@@ -76,9 +76,8 @@ class World:
 
     Held up, it pushes like the program's own believed stiffness. ``alone``: in which phase one pin
     of the pair that is felt in it holds the turned sheet by itself, 1 the right one, -1 the left.
-    ``across``: force on the turned
-    sheet besides, at either end [N]. ``tip_m``: how high the middle is held where its holes do not
-    fit; ``play_rad``: which it has then in turning.
+    ``across``: force on the turned sheet besides, at either end [N]. ``tip_m``: how high the middle
+    is held where its holes do not fit; ``play_rad``: which it has then in turning.
     """
 
     program: AssemblyProgram

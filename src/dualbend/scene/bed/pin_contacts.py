@@ -19,6 +19,12 @@ _FALLS_FROM_M, _NEAR_M, _RESOLVED_M = 8e-3, 0.5e-3, 40e-6
 _SLOPE, _FAR_M, _MOST_M = 0.3, 3e-3, 6e-3
 """Of a bent sheet, how far from its pin a hole is where that counts, and what it makes at most."""
 
+_JAMMED = 16.0
+"""Parts of a step where a hole may lie around a tip that is too thick for it, from all sides.
+
+What a pressed sheet falls there in one part of four is hundreds of newtons between both.
+"""
+
 _THICK_M = 0.5e-3
 """Sheets that are thinner than this are resolved finer in proportion: less of it comes through."""
 
@@ -82,7 +88,8 @@ class PinContacts:
 
         So that a hole that comes down to a tip moves by `_RESOLVED_M` in each, down to an eighth;
         a thin sheet's by less. Into four where a sheet is on a tip: pressed by F, m of it fall
-        F dt²/m deep in the one step that a contact is lost.
+        F dt²/m deep in the one step that a contact is lost. Into `_JAMMED` where its hole is
+        smaller than the pin.
         """
         if not self._near:
             return 1
@@ -95,7 +102,7 @@ class PinContacts:
             needed = max(needed, 4.0)
         needed = min(needed, 8.0) * self._finer
         if np.any(self._jams & strikes & (above < 0.0)):
-            needed = 16.0
+            needed = _JAMMED
         return next((n for n in (1, 2, 4, 8, 16) if needed <= n), 32)
 
     def peaks(self) -> PinPeaks:

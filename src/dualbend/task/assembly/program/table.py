@@ -180,12 +180,13 @@ class AssemblyProgram:
         closed = wait(quantity=State.jaw_travel, below=0.1 * t, otherwise=rest)
         opened = wait(quantity=State.jaw_gap, above=1.6 * start.opening, otherwise=gap)
         middle, outer = self._middle_holes(layer), self._outer_holes()
-        feel = self._feeling()
-        on_all = [] if feel is None else list(feel.all())
-        # Arms that do not comply have not found the middle pins so well that they may be turned.
-        felt = feel is not None and config.compliance is not None
-        on_middle = [settle(alpha_ratio=1.0), *feel.middle()] if feel is not None and felt else []
-        jammed = list(feel.jammed(middle)) if feel is not None and felt else []
+        on_all, on_middle, jammed = list[Step](), list[Step](), list[Step]()
+        if feel := self._feeling():
+            on_all += feel.all()
+            # Arms that do not comply have not found the middle pins, but for luck.
+            if config.compliance is not None:
+                on_middle += [settle(alpha_ratio=1.0), *feel.middle()]
+                jammed += feel.jammed(middle)
         touch, slack = self._unfold_to_touch(layer), self._slack()
         EI = self.sheet.bending_stiffness_nm2
         weighed = CheckWeight(weight, self.least_force_n)
