@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from dualbend.beam._check import positive
-from dualbend.errors import InputError
+from dualbend.errors import InputError, brief, refusing
 from dualbend.resources import models_dir
 
 Grade = Literal["published", "typical", "assumed"]
@@ -26,7 +26,9 @@ GRADES: Mapping[Grade, str] = {
     "assumed": "chosen or derived here; the source says from what",
 }
 _OPTIONAL = ("transverse_young_pa", "shear_pa", "yield_pa", "tangent_pa", "strain_at_failure")
-_NUMBERS = ("young_pa", "poisson_ratio", "density_kg_per_m3", *_OPTIONAL)
+_REQUIRED = ("young_pa", "poisson_ratio", "density_kg_per_m3")
+NUMBERS = (*_REQUIRED, *_OPTIONAL)
+"""Attributes of a material that are numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +70,7 @@ class Material:
     evidence: Mapping[str, Evidence] = field(default_factory=dict, compare=False, hash=False)
 
     def __post_init__(self) -> None:
-        for name in _NUMBERS:
+        for name in NUMBERS:
             value = getattr(self, name)
             if value is not None and name not in ("poisson_ratio", "tangent_pa"):
                 positive(name, value)
@@ -110,12 +112,21 @@ def library() -> Mapping[str, Material]:
     """Return the shipped materials by name."""
     path = models_dir() / "materials" / "materials.toml"
     data = tomllib.loads(path.read_text(encoding="utf-8"))
-    return {name: _read(name, table) for name, table in data.items()}
+    return materials_of(data)
 
 
-def find_material(name: str) -> Material:
-    """Return a shipped material; InputError with the valid names if there is none."""
-    found = library()
+def materials_of(tables: Mapping[str, Any]) -> dict[str, Material]:
+    """Return the materials of a file's tables: one a table, its name, numbers as the library's.
+
+    A number stands alone or, as ``{ value, grade, source }``, with its evidence. InputError where a
+    table, a key or a number is none.
+    """
+    return {name: _read(name, table) for name, table in tables.items()}
+
+
+def find_material(name: str, own: Mapping[str, Material] | None = None) -> Material:
+    """Return a shipped material, or one's own; InputError with the valid names if there is none."""
+    found = {**library(), **(own or {})}
     if name not in found:
         folded = {known.casefold(): known for known in found}
         close = difflib.get_close_matches(name.casefold(), folded, n=1, cutoff=0.5)
@@ -124,9 +135,42 @@ def find_material(name: str) -> Material:
     return found[name]
 
 
-def _read(name: str, table: Mapping[str, Any]) -> Material:
-    numbers = {key: float(table[key]["value"]) for key in _NUMBERS if key in table}
-    evidence = {
-        key: Evidence(grade=table[key]["grade"], source=table[key]["source"]) for key in numbers
-    }
-    return Material(name=name, title=table["title"], evidence=evidence, **numbers)
+def _read(name: str, table: Any) -> Material:  # noqa: ANN401 - what a file has
+    if not isinstance(table, dict):
+        raise InputError(f"{name}: a material is a table: put [NAME] above its numbers")
+    if unknown := [key for key in table if key not in ("title", *NUMBERS)]:
+        raise InputError(
+            f"[{name}] {unknown[0]}: unknown key; valid here: title, {', '.join(NUMBERS)}"
+        )
+    if missing := [key for key in _REQUIRED if key not in table]:
+        raise InputError(f"[{name}] {', '.join(missing)}: missing")
+    given = {key: _evident(f"[{name}] {key}", table[key]) for key in NUMBERS if key in table}
+    title = table.get("title", "")
+    if not isinstance(title, str):
+        raise InputError(f"[{name}] title = {brief(title)}: needs a text")
+    with refusing(f"[{name}]"):
+        return Material(
+            name=name,
+            title=title,
+            evidence={key: said for key, (_, said) in given.items() if said is not None},
+            **{key: value for key, (value, _) in given.items()},
+        )
+
+
+def _evident(key: str, said: Any) -> tuple[float, Evidence | None]:  # noqa: ANN401 - a file's
+    """Return a number and, where it has one, its evidence."""
+    if not isinstance(said, dict):
+        return _number(key, said), None
+    if set(said) != {"value", "grade", "source"} or said["grade"] not in GRADES:
+        raise InputError(
+            f"{key}: needs a number, or {{ value, grade, source }} with the grade "
+            f"{', '.join(GRADES)}"
+        )
+    evidence = Evidence(grade=said["grade"], source=str(said["source"]))
+    return _number(key, said["value"]), evidence
+
+
+def _number(key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{key} = {brief(value)}: needs a number")
+    return float(value)

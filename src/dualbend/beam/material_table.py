@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 
-from dualbend.beam.material import GRADES, Material
+from dualbend.beam.material import GRADES, NUMBERS, Material
 from dualbend.table import Code, Table, quantity
 
 _COLUMNS = (
@@ -31,9 +31,12 @@ def overview(materials: Mapping[str, Material]) -> str:
 def sources(material: Material) -> str:
     """Return each number of a material with its grade and source."""
     lines = [f"{material.name}: {material.title}"]
-    for key, evidence in material.evidence.items():
-        value = getattr(material, key)
-        lines.append(f"  {key:<22}{value:>10.4g}  {evidence.grade}: {evidence.source}")
+    for key in NUMBERS:
+        value, said = getattr(material, key), material.evidence.get(key)
+        if said is not None:
+            lines.append(f"  {key:<22}{value:>10.4g}  {said.grade}: {said.source}")
+        elif value:
+            lines.append(f"  {key:<22}{value:>10.4g}")
     return "\n".join(lines) + "\n"
 
 

@@ -159,13 +159,20 @@ def _check_arm(name: str, settings: tuple[str, ...], out: Path | None, *, as_jso
 def materials(name: str | None, markdown: bool, out: Path | None, as_json: bool) -> None:
     """List the materials that a scenario can use.
 
-    With a NAME, list each number of that material with its source and grade.
+    With a NAME, or a file of your own, list each number with its source and grade.
     """
     from dualbend.beam import material_table
     from dualbend.beam.material import find_material, library
 
     with refusing(f"NAME = {brief(name)}"):
-        shown = library() if name is None else {name: find_material(name)}
+        if name is None:
+            shown = library()
+        elif name.endswith(".toml"):
+            from dualbend.scenario.load import read_materials
+
+            shown = read_materials(Path(name))
+        else:
+            shown = {name: find_material(name)}
     if as_json:
         text = material_table.as_json(shown)
     elif markdown:
@@ -173,5 +180,5 @@ def materials(name: str | None, markdown: bool, out: Path | None, as_json: bool)
     elif name is None:
         text = material_table.overview(shown)
     else:
-        text = material_table.sources(shown[name])
+        text = "\n".join(map(material_table.sources, shown.values()))
     deliver(text, out)

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from dualbend.beam.material import Material, find_material, library
+from dualbend.beam.material import Material, library
 from dualbend.control.guard import SENSOR_AXES
 from dualbend.evaluation.metrics import peak, surface_strain
 from dualbend.evaluation.sheet import SheetReport, sheet_report
 from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
-from dualbend.scenario.sheet import SheetConfig
+from dualbend.scenario.sheet import SheetConfig, named_material
 from dualbend.scenario.toml_text import number
 from dualbend.types import SIDES, Mask, Side, Vector
 
@@ -53,7 +53,7 @@ def name_warnings(sheet: SheetConfig) -> list[str]:
     """Return what to say where a material's name stands beside numbers that are another's."""
     if sheet.material is None:
         return []
-    named = find_material(sheet.material)
+    named = named_material(sheet)
     differing = [
         f"sheet.{key} = {number(getattr(sheet, key))} ({sheet.material}: {number(own)})"
         for key, own in _differing(sheet, named).items()

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 import msgspec
 
+from dualbend.beam.material import Material, materials_of
 from dualbend.control.compliance.own import OwnComplianceConfig, option_struct
 from dualbend.errors import InputError, brief, refusing, shortened
 from dualbend.imperfection.config import with_preset
@@ -17,6 +18,7 @@ from dualbend.resources import scenarios_dir
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_absurd, refuse_unknown
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import with_arm_files, without_other_arms
+from dualbend.scenario.sheet import MaterialConfig, own_material
 from dualbend.scenario.structs import KIND, Kinds, fields_in, has_kinds
 
 Settings: TypeAlias = Sequence[str] | Mapping[str, Any]
@@ -79,11 +81,11 @@ def resolve_scenario(
         if isinstance(settings, Mapping)
         else [(f"--set {shortened(text, 80)}", _table_of(text)) for text in settings]
     )
-    here = Path()
-    parts = [
-        (said, *_split(_with_arms_from(here, _short_forms(table, *folders)), _SCENARIO))
-        for said, table in given
-    ]
+    parts = []
+    for said, table in given:
+        with refusing(said):
+            own = _with_files(_short_forms(table, *folders), Path())
+        parts.append((said, *_split(own, _SCENARIO)))
     # What replaces other keys (a new kind, material or arm) comes first, the others stay, in the
     # order given.
     for said, table in (
@@ -156,8 +158,8 @@ def _find(name_or_file: str) -> Path:
 
 def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
     """Return the file's table merged over the one it extends."""
-    data = _with_arms_from(path.parent, _short_forms(read_toml(path), path.parent))
-    data = _learned_from(path.parent, data)
+    tables = _with_files(_short_forms(read_toml(path), path.parent), path.parent)
+    data = _learned_from(path.parent, tables)
     base = data.pop("extends", None)
     # Here, so that the message names the file which holds the key.
     refuse_absurd(data, path.name, ())
@@ -235,11 +237,71 @@ def _with_options(scenario: Scenario, source: str) -> Scenario:
     return msgspec.structs.replace(scenario, compliance=config)
 
 
-def _with_arms_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:
-    """Return tables in which the arms' files are found from a folder."""
-    if "robot" not in tables:
+def _with_files(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return tables in which arms and materials are found from a folder."""
+    if "robot" in tables:
+        tables = {**tables, "robot": with_arm_files(tables["robot"], folder)}
+    return _with_materials(tables, folder)
+
+
+def read_materials(path: Path) -> dict[str, Material]:
+    """Return the materials of a file like the library's, by name; InputError where it is none."""
+    tables = read_toml(path)
+    with refusing(str(path)):
+        refuse_absurd(tables, "", ())
+        return materials_of(tables)
+
+
+def _with_materials(tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return tables in which the file of a material has become its numbers and its name.
+
+    So that a record needs no file beside it. ``own.toml`` is the only material of that file, found
+    from ``folder``; ``own.toml:NAME`` one of several.
+    """
+    sheet, found = tables.get("sheet"), dict[str, Any]()
+    if not isinstance(sheet, dict):
         return tables
-    return {**tables, "robot": with_arm_files(tables["robot"], folder)}
+
+    def named(key: str, value: object) -> object:
+        if not isinstance(value, str) or ".toml" not in value:
+            return value
+        with refusing(f"sheet.{key} = {brief(value)}"):
+            own = own_material(_material_of(value, folder))
+            converted(own, MaterialConfig, f"[{own['name']}]")  # refuses what is out of bounds
+        found[own["name"]] = own
+        return own["name"]
+
+    own = {**sheet}
+    if "material" in sheet:
+        own["material"] = named("material", sheet["material"])
+    if isinstance(layers := sheet.get("layers"), list):
+        own["layers"] = [
+            {**layer, "material": named(f"layers[{i}].material", layer["material"])}
+            if isinstance(layer, dict) and "material" in layer
+            else layer
+            for i, layer in enumerate(layers)
+        ]
+    if not found:
+        return tables
+    kept = own.get("materials")
+    others = kept if isinstance(kept, list) else []
+    return {**tables, "sheet": {**own, "materials": [*others, *found.values()]}}
+
+
+def _material_of(said: str, folder: Path) -> Material:
+    """Return the material that ``file.toml`` or ``file.toml:NAME`` means."""
+    file, _, name = said.partition(".toml:")
+    path = folder / (file if not name else f"{file}.toml")
+    materials = read_materials(path)
+    if not name and len(materials) != 1:
+        raise InputError(
+            f"{path} holds {len(materials)} materials: add the name of one after a colon, "
+            f"{path.name}:{next(iter(materials), 'NAME')}"
+        )
+    name = name or next(iter(materials))
+    if name not in materials:
+        raise InputError(f"{path} holds {', '.join(materials) or 'no material'}, not {brief(name)}")
+    return materials[name]
 
 
 def _laid_over(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:

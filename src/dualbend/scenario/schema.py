@@ -17,7 +17,7 @@ from dualbend.imperfection.config import PRESETS
 from dualbend.scenario.explain import UNSET
 from dualbend.scenario.keys import Section, section_of, sections
 from dualbend.scenario.scenario import Scenario
-from dualbend.scenario.sheet import LayerConfig
+from dualbend.scenario.sheet import LISTED
 from dualbend.scenario.structs import KIND, Kinds, Struct, fields_of, has_kinds
 from dualbend.scenario.task import TaskKinds
 
@@ -51,7 +51,9 @@ def scenario_schema() -> Schema:
         ref_template=f"{_DEFINITIONS}{{name}}",
         schema_hook=_any_task,
     )
-    found = {section.struct.__name__: section for section in (*sections(), section_of(LayerConfig))}
+    found = {
+        section.struct.__name__: section for section in (*sections(), *map(section_of, LISTED))
+    }
     definitions = {name: _definition(schema, found[name]) for name, schema in components.items()}
     top = definitions.pop("Scenario")
     # A class's name is short for a section of the kind "own".

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import functools
-from typing import Annotated
+from typing import Annotated, Any
+
+import msgspec
 
 from dualbend.beam import plastic
 from dualbend.beam.laminate import Laminate, Layer
-from dualbend.beam.material import Material, find_material
+from dualbend.beam.material import Material, find_material, library
 from dualbend.beam.rigidity import Rigidity
 from dualbend.beam.sheet import Anisotropy, Sheet
 from dualbend.errors import InputError, brief, refusing
@@ -45,6 +47,13 @@ def _refuse_shell(config: SheetConfig) -> None:
 
 
 def _refuse_contradictions(config: SheetConfig) -> None:
+    names = [each.name for each in config.materials or ()]
+    for i, name in enumerate(names):
+        if name in library() or name in names[:i]:
+            which = "the library" if name in library() else "another one"
+            raise InputError(f"materials[{i}].name = {brief(name)}: {which} has this name")
+        if ".toml" in name:
+            raise InputError(f"materials[{i}].name = {brief(name)}: would be read as a file's")
     if config.layers is None:
         needed = ("thickness_m", *(_PROPERTIES if config.material is None else ()))
         missing = [key for key in needed if getattr(config, key) is None]
@@ -104,7 +113,7 @@ def substance(config: SheetConfig) -> Laminate:
     laminate = Laminate(
         tuple(
             Layer(
-                material=_named(layer.material, f"layers[{i}].material"),
+                material=_named(config, layer.material, f"layers[{i}].material"),
                 thickness_m=layer.thickness_m,
             )
             for i, layer in enumerate(config.layers)
@@ -120,7 +129,7 @@ def _material(config: SheetConfig) -> Material:
     given = {key: getattr(config, key) for key in NUMBERS if getattr(config, key) is not None}
     if config.material is None:
         return Material(name="its material", **given)
-    named = _named(config.material, "material")
+    named = named_material(config)
     if not given:
         return named
     own = {key: getattr(named, key) for key in named.__dataclass_fields__}
@@ -142,16 +151,67 @@ def _plasticity(whole: Laminate) -> plastic.Plasticity:
         ) from error
 
 
-def _named(name: str, key: str) -> Material:
+def named_material(config: SheetConfig) -> Material:
+    """Return the material that is named, with its own numbers; InputError where there is none."""
+    assert config.material is not None
+    return _named(config, config.material, "material")
+
+
+def _named(config: SheetConfig, name: str, key: str) -> Material:
+    own = {each.name: each.material() for each in config.materials or ()}
     with refusing(f"{key} = {brief(name)}"):
-        return find_material(name)
+        return find_material(name, own)
+
+
+class MaterialConfig(Config):
+    """A material of one's own: what `sheet.material = "own.toml"` put into the scenario."""
+
+    name: Annotated[str, said("by which material and layers call it", min_length=1, max_length=100)]
+    title: Annotated[str, said("what it is", max_length=1000)] = ""
+    source: Annotated[str, said("of its numbers", max_length=10_000)] = ""
+    young_pa: Annotated[float, said("Young's modulus along the sheet", ge=1e8, le=1e12)]
+    poisson_ratio: Annotated[float, said("contraction across per stretch along", ge=0, lt=0.5)]
+    density_kg_per_m3: Annotated[float, said("mass density", ge=100, le=25000)]
+    transverse_young_pa: (
+        Annotated[float, said("Young's modulus across; none: as along", ge=1e7, le=1e12)] | None
+    ) = None
+    shear_pa: Annotated[float, said("in the plane; none: isotropic", ge=1e6, le=1e12)] | None = None
+    yield_pa: (
+        Annotated[float, said("0.2 % yield strength; none: not known", gt=0, le=1e11)] | None
+    ) = None
+    tangent_pa: Annotated[float, said("slope of the stress beyond yield", ge=0, le=1e12)] = 0.0
+    strain_at_failure: (
+        Annotated[float, said("at the surface in bending; none: not known", gt=0, le=1)] | None
+    ) = None
+
+    def material(self) -> Material:
+        """Return the material; InputError where its numbers contradict."""
+        numbers = {key: getattr(self, key) for key in _OWN_NUMBERS}
+        return Material(name=self.name, title=self.title, **numbers)
+
+
+_OWN_NUMBERS = (*NUMBERS, "transverse_young_pa", "shear_pa", "strain_at_failure")
+
+
+def own_material(material: Material) -> dict[str, Any]:
+    """Return what a scenario keeps of a material: its numbers, and the sources as a text."""
+    numbers = {key: getattr(material, key) for key in _OWN_NUMBERS}
+    source = "; ".join(f"{key}: {said.source}" for key, said in material.evidence.items())
+    given = {key: value for key, value in numbers.items() if value is not None}
+    return {"name": material.name, "title": material.title, "source": source, **given}
 
 
 class LayerConfig(Config):
     """One layer of a laminate, from the sheet's lower face to its upper one."""
 
-    material: Annotated[str, said("from `dualbend materials`", max_length=100)]
+    material: Annotated[
+        str, said("from `dualbend materials`, or a file of your own", max_length=1000)
+    ]
     thickness_m: Annotated[float, said("of this layer", ge=1e-6, le=0.01)]
+
+
+LISTED: tuple[type[msgspec.Struct], ...] = (LayerConfig, MaterialConfig)
+"""What stands in lists of a sheet."""
 
 
 class SheetConfig(Config):
@@ -178,9 +238,20 @@ class SheetConfig(Config):
         Annotated[
             str,
             said(
-                "from `dualbend materials`; gives what is none below",
-                max_length=100,
-                extra={"replaces": ("layers", *NUMBERS)},
+                "from `dualbend materials`, or a file of your own; gives what is none below",
+                max_length=1000,
+                extra={"replaces": ("layers", "materials", *NUMBERS)},
+            ),
+        ]
+        | None
+    ) = None
+    materials: (
+        Annotated[
+            tuple[MaterialConfig, ...],
+            said(
+                "your own, as the file of `material` or of a layer has them",
+                max_length=50,
+                extra={"replaces": ()},
             ),
         ]
         | None
@@ -192,7 +263,7 @@ class SheetConfig(Config):
                 "a laminate from its lower to its upper face, symmetric",
                 min_length=1,
                 max_length=50,
-                extra={"replaces": ("material", "thickness_m", *NUMBERS)},
+                extra={"replaces": ("material", "materials", "thickness_m", *NUMBERS)},
             ),
         ]
         | None
