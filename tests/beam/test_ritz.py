@@ -10,18 +10,17 @@ from dualbend.beam import elastica as el
 from dualbend.beam._check import FloatArray
 from dualbend.beam.rod import branch, ritz
 from dualbend.beam.rod import planar as rod
+from dualbend.beam.rod.basis import basis
 from dualbend.beam.rod.state import RESIDUAL_TOLERANCE, residual
 
-BASIS = ritz.basis(24)
+BASIS = basis(24)
 GENERAL = ritz.Clamps(slope_left=0.7, slope_right=-0.3, shortening=0.08, climb=0.11)
 
 
 def problem(
     clamps: ritz.Clamps = GENERAL, weight: float = 5.0, compliance: float = 0.03, modes: int = 24
 ) -> ritz.Problem:
-    return ritz.Problem(
-        basis=ritz.basis(modes), clamps=clamps, weight=weight, compliance=compliance
-    )
+    return ritz.Problem(basis=basis(modes), clamps=clamps, weight=weight, compliance=compliance)
 
 
 def shallow(odd: float, even: float, shortening: float, climb: float = 0.0) -> ritz.Clamps:
@@ -224,7 +223,7 @@ def test_the_start_on_the_curve_has_the_mean_end_slope_within_reach(
 def test_unknowns_on_another_basis_are_the_same_rod(modes: int) -> None:
     case = problem()
     u = solved(case)
-    other = replace(case, basis=ritz.basis(modes))
+    other = replace(case, basis=basis(modes))
     same = branch.resized(u, modes)
     assert same.size == modes + 2
     # Analytic: hierarchical functions; what is cut off is small.

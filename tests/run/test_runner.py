@@ -206,7 +206,7 @@ def energy(result: RunRecord, row: int) -> float:
     hinges = result.scenario.sheet.strips.hinges
     root = model.body(strip_body(hinges // 2)).id
     height = data.subtree_com[root, 2] * model.body_subtreemass[root] * 9.81
-    strain = 0.5 * result.bend_stiffness * float(np.sum(result.trace.bends[row] ** 2))
+    strain = 0.5 * float(result.bend_stiffness @ result.trace.bends[row] ** 2)
     return strain + float(height)
 
 

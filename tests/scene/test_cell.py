@@ -246,7 +246,7 @@ def test_the_moment_of_the_hinges_continues_to_the_grip(
     """Between clamp and first hinge the moment changes by the end forces times half a strip."""
     simulation, seen = held
     # Positive where the slope grows: M(0) = EI θ'(0), the moment on the gripper about y_B.
-    first = simulation.bend_stiffness * simulation.bending_angles[0]
+    first = simulation.bend_stiffness[0] * simulation.bending_angles[0]
     fx, fz, moment = seen.wrench[0, [0, 2, 4]]
     half = SHEET.length_m / STRIPS.hinges / 2
     alpha = seen.edge[0, 3]

@@ -30,6 +30,7 @@ def written_run(
         values[:, names.index(name)] = value
     scene = None
     if bend_stiffness is not None:
-        scene = Scene(model=None, bend_stiffness=bend_stiffness)  # type: ignore[arg-type]
+        stiffness = np.full(hinges, bend_stiffness)
+        scene = Scene(model=None, bend_stiffness=stiffness)  # type: ignore[arg-type]
     ended = {"outcome": "completed", "simulated_s": 0.028 * rows, "wall_time_s": 2.0, **parts}
     return RunRecord(scenario=scenario, trace=Trace(named.columns, values), scene=scene, **ended)

@@ -125,14 +125,17 @@ def nominal_strain(scenario: Scenario) -> float:
         sheet.length_m,
         [(alpha, path.at(alpha)[0]) for alpha in alphas],
         sheet.weight_per_length_n_per_m,
+        sheet=sheet,
     )
+    thickness = sheet.thickness_at(states[0].s_m)
+    rest = sheet.rest_curvature_per_m
     largest = [
-        float(np.max(np.abs(state.curvature_per_m)))
+        float(np.max(np.abs(state.curvature_per_m + rest) * thickness))
         if state.converged
-        else elastica.curvature_max(alpha, sheet.length_m)
+        else (elastica.curvature_max(alpha, sheet.length_m) + abs(rest)) * thickness.max()
         for alpha, state in zip(alphas, states, strict=True)
     ]
-    return max(largest) * sheet.thickness_m / 2.0
+    return max(largest) / 2.0
 
 
 def _material(sheet: SheetConfig) -> str:

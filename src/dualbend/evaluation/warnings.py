@@ -35,6 +35,7 @@ def scenario_warnings(scenario: Scenario) -> list[str]:
     sheet, report = scenario.sheet, sheet_report(scenario)
     return [
         *name_warnings(sheet),
+        *_path_warnings(scenario),
         *_strain_warnings(sheet, report, report.nominal_strain, "on the nominal path"),
     ]
 
@@ -47,6 +48,16 @@ def run_warnings(run: RunRecord) -> list[str]:
         strain = peak(surface_strain(run))
         found = [*_strain_warnings(sheet, report, strain, "in the run"), *found]
     return found
+
+
+def _path_warnings(scenario: Scenario) -> list[str]:
+    """Return what to say where the path is that of another sheet: uniform, and flat at rest."""
+    if scenario.sheet.sheet().is_plain or scenario.path.kind == "table":
+        return []
+    return [
+        "the path is free of moments for a sheet of one thickness that is flat at rest; this sheet "
+        'has moments on it even in grips that follow it: path = "table" can hold a path of its own'
+    ]
 
 
 def name_warnings(sheet: SheetConfig) -> list[str]:

@@ -35,7 +35,7 @@ class SheetErrors(Config):
         float, said("standard deviation of that ratio, relative [-]", ge=0, le=0.2)
     ] = 0.0
     curvature_per_m: Annotated[
-        float, said("of the free sheet, positive as the path bends it", ge=-5, le=5)
+        float, said("of the free sheet over the believed one's, as the path bends it", ge=-5, le=5)
     ] = 0.0
     curvature_spread_per_m: Annotated[
         float, said("standard deviation of that curvature", ge=0, le=1)
@@ -51,11 +51,10 @@ def true_sheet(sheet: Sheet, errors: SheetErrors, seed: int) -> Sheet:
     if errors == SheetErrors():
         return sheet
     z = np.clip(stream(seed, "sheet").standard_normal(3), -_CUT, _CUT).tolist()
+    curvature = errors.curvature_per_m + errors.curvature_spread_per_m * z[2]
+    thicker = sheet.thicker(errors.thickness_ratio).thicker(1.0 + errors.thickness_spread * z[0])
     return replace(
-        sheet,
-        thickness_m=sheet.thickness_m
-        * errors.thickness_ratio
-        * (1.0 + errors.thickness_spread * z[0]),
+        thicker,
         young_pa=sheet.young_pa * errors.modulus_ratio * (1.0 + errors.modulus_spread * z[1]),
-        rest_curvature_per_m=errors.curvature_per_m + errors.curvature_spread_per_m * z[2],
+        rest_curvature_per_m=sheet.rest_curvature_per_m + curvature,
     )

@@ -39,7 +39,8 @@ class Scales:
             np.abs([trace[f"{s}_true_{kind}_{a}"] for s in SIDES for a in "xyz"]).max(initial=1e-6)
             for kind in ("force", "moment")
         )
-        peak = max(np.abs(hinge_moments(result)).max(initial=0.0), 1e-6 * result.bend_stiffness)
+        least = 1e-6 * float(result.bend_stiffness.max())
+        peak = max(np.abs(hinge_moments(result)).max(initial=0.0), least)
         return cls._round(peak, force, torque)
 
     @classmethod

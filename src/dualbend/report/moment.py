@@ -73,8 +73,11 @@ def reference_on_path(scenario: Scenario) -> Curve:
         [(alpha, path.at(alpha)[0]) for alpha in alphas.tolist()],
         sheet.weight_per_length_n_per_m,
         axial_stiffness_n=sheet.axial_stiffness_n,
+        sheet=sheet,
     )
-    moment = np.array([state.end_moment_nm if state.converged else np.nan for state in states])
+    ends = [s.left if "left" in scenario.compliance.sensing else s.right for s in states]
+    found = [s.converged for s in states]
+    moment = np.where(found, [end.moment_nm for end in ends], np.nan)
     name = "reference, nominal"
     return Curve(name, alphas, 1e3 * moment, colour="green", width=1.4, dash="dashed")
 

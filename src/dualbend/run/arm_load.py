@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 
@@ -53,13 +55,17 @@ def refuse_overload(
 def sheet_load(scenario: Scenario) -> Vector:
     """Return the largest wrench of the sheet on a grip, x, z [N] and about y [N m], (3,)."""
     sheet = scenario.sheet.sheet()
-    stiffness, length = sheet.bending_stiffness_nm2, sheet.length_m
+    # Of a sheet whose thickness varies that of its stiffest section: no less is asked for.
+    thickest = max((t for _, t in sheet.profile), default=sheet.thickness_m)
+    stiffest, length = replace(sheet, thickness_m=thickest, profile=()), sheet.length_m
+    stiffness = stiffest.bending_stiffness_nm2
     path, interval = scenario.path, _longest_piece(scenario)
     share = min(interval / _PIECE_RAD, 1.0)
     force = elastica.end_force(path.end_rad, stiffness, length)
     if path.start_rad < interval * (1.0 - 1e-9):  # a rounding error is no way from the flat
         force += _FIRST_FORCE * share * stiffness / length**2
     moment = _MOMENT * stiffness * share * _PIECE_RAD / length
+    moment += stiffness * abs(sheet.rest_curvature_per_m)
     return np.array([force, 0.5 * sheet.mass_kg * GRAVITY_M_PER_S2, moment])
 
 

@@ -129,7 +129,8 @@ class RobotCell:
         _, _, slopes = elastica.shape(float(self.start[2]), sheet.length_m, arcs)
         self.rest()
         middle = np.array([0.0, 0.0, self.scenario.cell.sheet_height_m])
-        simulation, opening = self.simulation, self.sheet.thickness_m / 2
+        ends = self.sheet.thickness_at(np.array([0.0, sheet.length_m]))
+        simulation, opening = self.simulation, float(ends.max()) / 2
         return simulation.reset(simulation.positions(self.home, opening, slopes, middle))
 
     def rest(self) -> None:

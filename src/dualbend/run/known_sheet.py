@@ -164,6 +164,11 @@ def _known_sheet(
     end_rad: float,
     lever_arm_m: float,
 ) -> KnownSheet:
+    if not sheet_config.sheet().is_symmetric:
+        raise InputError(
+            "sheet.profile: a compliance that knows its sheet needs one that is alike from both "
+            'ends; compliance.kind = "admittance" without a schedule does not'
+        )
     sheet, arm = sheet_config.sheet(), ArmCompliance(pair, stiffness, grasp, integrates=integrates)
     sensors, movers = sides
     sensing = SIDES.index(next(side for side in SIDES if side in sensors))

@@ -103,11 +103,11 @@ def task_of(scenario: Scenario) -> Task:
 class Scene:
     """What only a run in memory has: the model with its looks, for pictures, and its stiffness.
 
-    ``bend_stiffness``: moment over bending angle at a place of bending [N m/rad].
+    ``bend_stiffness`` (N,): moment over bending angle at each place of bending [N m/rad].
     """
 
     model: mujoco.MjModel
-    bend_stiffness: float
+    bend_stiffness: Vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,8 +202,8 @@ class RunRecord:
         return self._in_memory.model
 
     @property
-    def bend_stiffness(self) -> float:
-        """Moment over bending angle at a place of bending [N m/rad]."""
+    def bend_stiffness(self) -> Vector:
+        """Moment over bending angle at each place of bending (N,) [N m/rad]."""
         return self._in_memory.bend_stiffness
 
     @property

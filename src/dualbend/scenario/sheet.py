@@ -11,7 +11,7 @@ from dualbend.beam import plastic
 from dualbend.beam.laminate import Laminate, Layer
 from dualbend.beam.material import Material, find_material, library
 from dualbend.beam.rigidity import Rigidity
-from dualbend.beam.sheet import Anisotropy, Sheet
+from dualbend.beam.sheet import Anisotropy, Sheet, mean_thickness, refuse_profile
 from dualbend.errors import InputError, brief, refusing
 from dualbend.scene.sheet.shell import ShellConfig
 from dualbend.scene.sheet.strips import StripConfig
@@ -25,7 +25,8 @@ NUMBERS = (*_PROPERTIES, "yield_pa", "tangent_pa")
 def check_sheet(config: SheetConfig) -> None:
     """Raise InputError where the keys contradict, or make no thin sheet that stays flat."""
     _refuse_contradictions(config)
-    thickness = make_sheet(config).thickness_m
+    sheet = make_sheet(config)
+    thickness = max((t for _, t in sheet.profile), default=sheet.thickness_m)
     _refuse_shell(config)
     if thickness > 0.05 * min(config.length_m, config.width_m):
         raise InputError(
@@ -37,6 +38,11 @@ def check_sheet(config: SheetConfig) -> None:
 def _refuse_shell(config: SheetConfig) -> None:
     if not isinstance(config.model, ShellConfig):
         return
+    for key in ("profile", "rest_curvature_per_m"):
+        if getattr(config, key):
+            raise InputError(
+                f'{key}: a shell is of one thickness and flat at rest; use model = "strips"'
+            )
     if config.plastic:
         raise InputError('plastic = true: a shell stays elastic; use model = "strips"')
     if make_sheet(config).anisotropy is not None:
@@ -54,8 +60,12 @@ def _refuse_contradictions(config: SheetConfig) -> None:
             raise InputError(f"materials[{i}].name = {brief(name)}: {which} has this name")
         if ".toml" in name:
             raise InputError(f"materials[{i}].name = {brief(name)}: would be read as a file's")
+    if config.profile is not None:
+        _refuse_profile(config, config.profile)
     if config.layers is None:
-        needed = ("thickness_m", *(_PROPERTIES if config.material is None else ()))
+        needed = [*(_PROPERTIES if config.material is None else ())]
+        if config.profile is None:
+            needed.insert(0, "thickness_m")
         missing = [key for key in needed if getattr(config, key) is None]
         if missing:
             other = "layers" if missing == ["thickness_m"] else "a material or layers"
@@ -72,6 +82,17 @@ def _refuse_contradictions(config: SheetConfig) -> None:
         )
 
 
+def _refuse_profile(config: SheetConfig, profile: tuple[ThicknessConfig, ...]) -> None:
+    for key in ("thickness_m", "layers"):
+        if getattr(config, key) is not None:
+            raise InputError(
+                f'{key}: the profile says the thickness already; profile = "none" takes it back'
+            )
+    if config.plastic:
+        raise InputError("plastic = true: a sheet of a profile stays elastic; not both")
+    refuse_profile(tuple((row.at_m, row.thickness_m) for row in profile), config.length_m)
+
+
 def make_sheet(config: SheetConfig) -> Sheet:
     """Return the sheet of a scenario's keys; InputError where a material or laminate is none."""
     whole = substance(config)
@@ -86,6 +107,7 @@ def make_sheet(config: SheetConfig) -> Sheet:
             stretch=whole.stretch_per_width_n_per_m / t / young,
             across=float(D[1, 1] / D[0, 0]),
         )
+    profile = tuple((row.at_m, row.thickness_m) for row in config.profile or ())
     return Sheet(
         length_m=config.length_m,
         width_m=config.width_m,
@@ -98,6 +120,8 @@ def make_sheet(config: SheetConfig) -> Sheet:
         curvature_per_m=config.curvature_per_m or 0.0,
         anisotropy=anisotropy,
         plasticity=_plasticity(whole) if config.plastic else None,
+        rest_curvature_per_m=config.rest_curvature_per_m or 0.0,
+        profile=profile,
     )
 
 
@@ -108,8 +132,11 @@ def substance(config: SheetConfig) -> Laminate:
     Raises InputError where a material is not in the library, or the laminate would curl.
     """
     if config.layers is None:
-        assert config.thickness_m is not None
-        return Laminate((Layer(material=_material(config), thickness_m=config.thickness_m),))
+        thickness = config.thickness_m
+        if config.profile is not None:
+            thickness = mean_thickness(tuple((row.at_m, row.thickness_m) for row in config.profile))
+        assert thickness is not None
+        return Laminate((Layer(material=_material(config), thickness_m=thickness),))
     laminate = Laminate(
         tuple(
             Layer(
@@ -138,6 +165,14 @@ def _material(config: SheetConfig) -> Material:
         own["transverse_young_pa"] = own["shear_pa"] = None
         own["tangent_pa"] = named.tangent_pa * given["young_pa"] / named.young_pa
     return Material(**{**own, **given})
+
+
+def with_true_numbers(config: SheetConfig, true: Sheet) -> SheetConfig:
+    """Return a sheet's keys with the thickness, wherever it is, and modulus of the true sheet."""
+    if config.profile is None:
+        return msgspec.structs.replace(config, thickness_m=true.thickness_m, young_pa=true.young_pa)
+    profile = tuple(ThicknessConfig(at_m=s, thickness_m=t) for s, t in true.profile)
+    return msgspec.structs.replace(config, profile=profile, young_pa=true.young_pa)
 
 
 def _plasticity(whole: Laminate) -> plastic.Plasticity:
@@ -201,6 +236,13 @@ def own_material(material: Material) -> dict[str, Any]:
     return {"name": material.name, "title": material.title, "source": source, **given}
 
 
+class ThicknessConfig(Config):
+    """The thickness at one place of a sheet."""
+
+    at_m: Annotated[float, said("arc length from the left grip", ge=0, le=3.0)]
+    thickness_m: Annotated[float, said("there; straight to the next place", ge=1e-5, le=0.01)]
+
+
 class LayerConfig(Config):
     """One layer of a laminate, from the sheet's lower face to its upper one."""
 
@@ -210,7 +252,7 @@ class LayerConfig(Config):
     thickness_m: Annotated[float, said("of this layer", ge=1e-6, le=0.01)]
 
 
-LISTED: tuple[type[msgspec.Struct], ...] = (LayerConfig, MaterialConfig)
+LISTED: tuple[type[msgspec.Struct], ...] = (LayerConfig, MaterialConfig, ThicknessConfig)
 """What stands in lists of a sheet."""
 
 
@@ -227,9 +269,22 @@ class SheetConfig(Config):
         Annotated[
             float,
             said(
-                "at most a twentieth of length and width; none: that of the layers",
+                "at most a twentieth of length and width; none: of the layers or the profile",
                 ge=1e-5,
                 le=0.01,
+            ),
+        ]
+        | None
+    ) = None
+    profile: (
+        Annotated[
+            tuple[ThicknessConfig, ...],
+            said(
+                "a thickness that varies from the left grip to the right one; one place twice is "
+                "a step",
+                min_length=2,
+                max_length=50,
+                extra={"replaces": ("thickness_m", "layers")},
             ),
         ]
         | None
@@ -294,6 +349,13 @@ class SheetConfig(Config):
                 ge=0,
                 le=1e3,
             ),
+        ]
+        | None
+    ) = None
+    rest_curvature_per_m: (
+        Annotated[
+            float,
+            said("of the free sheet, positive as the path bends it; none: flat", ge=-5, le=5),
         ]
         | None
     ) = None

@@ -21,6 +21,7 @@ from dualbend.errors import InputError
 from dualbend.imperfection.config import PresetName
 from dualbend.imperfection.sheet import true_sheet
 from dualbend.scenario.scenario import Scenario, variants
+from dualbend.scenario.sheet import with_true_numbers
 from dualbend.stability.gains import Gains, Knob, acting_axes, turned
 from dualbend.stability.limits import MORE, said
 from dualbend.stability.search import (
@@ -157,9 +158,7 @@ def _loops(worlds: Mapping[str, Scenario], seeds: Sequence[int]) -> list[Scenari
     believed = every.sheet.sheet()
     for seed in seeds:
         true = true_sheet(believed, every.imperfections.sheet, seed)
-        sheet = msgspec.structs.replace(
-            every.sheet, thickness_m=true.thickness_m, young_pa=true.young_pa
-        )
+        sheet = with_true_numbers(every.sheet, true)
         loops[msgspec.structs.replace(worlds["none"], sheet=sheet)] = None
     if every.imperfections.link.errs:
         later = every.robot.with_delay(every.robot.longest_delay + 1)

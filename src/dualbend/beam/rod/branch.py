@@ -7,6 +7,7 @@ import numpy as np
 from dualbend.beam import elastica
 from dualbend.beam._check import FloatArray
 from dualbend.beam.rod import ritz
+from dualbend.beam.rod.basis import OUTPUT_POINTS
 
 SMALLEST_STEP = 1.0 / 256.0
 """Where a sub-step shorter than this part of the way fails, the point is given up."""
@@ -63,7 +64,7 @@ def other_mode(problem: ritz.Problem, unknowns: FloatArray) -> str:
         return f"another mode: unstable in {unstable} direction(s), the sheet would snap"
     base, clamps = problem.basis, problem.clamps
     drop = base.cumulative @ (f.stretch * f.sin)
-    sag = float(drop[ritz.OUTPUT_POINTS // 2] - 0.5 * drop[-1])
+    sag = float(drop[OUTPUT_POINTS // 2] - 0.5 * drop[-1])
     # A taut sheet whose ends point up by a little may stand above its chord by their slope.
     allowed = 0.25 * max(0.0, -0.5 * (clamps.slope_left - clamps.slope_right)) + 1e-9
     return f"another mode: the middle is {-sag:.3g} L above the ends" if sag < -allowed else ""

@@ -71,7 +71,8 @@ def _peak(
 ) -> tuple[float, float, int]:
     """Return the largest |M| between two end slopes, its α, and the number of unsolved points."""
     EI, L = sheet.bending_stiffness_nm2, sheet.length_m
-    states = rod.follow_symmetric(EI, L, [(a, path.at(a)[0]) for a in alphas], q, None, axial)
+    points = [(a, path.at(a)[0]) for a in alphas]
+    states = rod.follow_symmetric(EI, L, points, q, None, axial, sheet)
     moments = [abs(s.end_moment_nm) if s.converged else -1.0 for s in states]
     best = int(np.argmax(moments))
     failed = sum(not s.converged for s in states)
@@ -79,7 +80,7 @@ def _peak(
 
     def negative(alpha: float) -> float:
         x = path.at(alpha)[0]
-        state = rod.solve_symmetric(EI, L, alpha, x, q, states[best], axial)
+        state = rod.solve_symmetric(EI, L, alpha, x, q, states[best], axial, sheet)
         return -abs(state.end_moment_nm) if state.converged else 0.0
 
     found = minimize_scalar(negative, bounds=near, method="bounded", options={"xatol": 1e-6})

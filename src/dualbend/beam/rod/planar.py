@@ -2,22 +2,26 @@
 
 In the planar frame (x right, z up) θ is the slope below the horizontal, positive at the left end:
 
-    EI θ'' + (1 + ε) (P sin θ − (V + q s) cos θ) = 0,   x' = (1 + ε) cos θ,   z' = −(1 + ε) sin θ
+    M' + (1 + ε) (P sin θ − (V + q s) cos θ) = 0,   x' = (1 + ε) cos θ,   z' = −(1 + ε) sin θ
 
-with θ(0) = α_left, θ(L) = −α_right. P is the compressive horizontal force, V + q s the vertical
-section force, q the weight per arc length, and ε = N/EA the stretch (0 for the inextensible rod).
-In the symmetric case V = −q L/2, hence EI θ'' + P sin θ + q (L/2 − s) cos θ = 0.
-The weight of a hanging sheet pulls the grippers together: it lowers P, as it does in a chain.
+with M = EI (θ' + κ₀), θ(0) = α_left, θ(L) = −α_right. P is the compressive horizontal force, V + qs
+the vertical section force, q the weight per arc length, and ε = N/EA the stretch (0 for the
+inextensible rod). In the symmetric case V = −q L/2, hence EI θ'' + P sin θ + q (L/2 − s) cos θ = 0.
+The weight of a hanging sheet pulls the grippers together: it lowers P, as it does in a chain. EI
+and q may vary along the rod, κ₀ is its curvature at rest: a uniform rod has the shape of a straight
+one between the same grips, with EI κ₀ more moment on both.
 """
 
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from dualbend.beam._check import FloatArray, finite, positive
 from dualbend.beam.rod import branch, ritz
+from dualbend.beam.rod.basis import basis
 from dualbend.beam.rod.state import (
     RESIDUAL_TOLERANCE,
     Grip,
@@ -26,6 +30,7 @@ from dualbend.beam.rod.state import (
     dimensional_state,
     unsolved,
 )
+from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
 
 __all__ = [
@@ -54,13 +59,14 @@ def solve_symmetric(
     weight_per_length: float = 0.0,
     guess: RodState | None = None,
     axial_stiffness_n: float | None = None,
+    sheet: Sheet | None = None,
 ) -> RodState:
     """Return the symmetric hanging rod with both end slopes α [rad] and half distance x [m].
 
     It is solve_planar with the grips at (−x, 0, α) and (x, 0, α).
     """
     left, right = (-half_distance, 0.0, alpha), (half_distance, 0.0, alpha)
-    return solve_planar(EI, L, left, right, weight_per_length, guess, axial_stiffness_n)
+    return solve_planar(EI, L, left, right, weight_per_length, guess, axial_stiffness_n, sheet)
 
 
 def solve_planar(
@@ -71,11 +77,13 @@ def solve_planar(
     weight_per_length: float = 0.0,
     guess: RodState | None = None,
     axial_stiffness_n: float | None = None,
+    sheet: Sheet | None = None,
 ) -> RodState:
     """Return the rod that hangs between two grips (x [m], z [m], end slope α [rad]).
 
     EI [N m²], L [m], weight_per_length [N/m]; axial_stiffness_n is EA [N], None for a rod that
-    does not stretch. guess is a known state nearby. The solution is the first buckling mode with
+    does not stretch. guess is a known state nearby. A sheet that is given is of these and says how
+    they vary along it, and how it is curved at rest. The solution is the first buckling mode with
     the middle below the grips. If none is found, converged is False and reason says why.
     Raises InputError only for numbers that cannot be a rod or a grip.
     """
@@ -84,7 +92,7 @@ def solve_planar(
         raise InputError(f"weight_per_length must not be negative, got {weight_per_length!r}")
     EA = axial_stiffness_n
     problem = ritz.Problem(
-        basis=ritz.basis(MODES[0]),
+        basis=basis(MODES[0]),
         clamps=ritz.Clamps(
             slope_left=left[2],
             slope_right=-right[2],
@@ -95,12 +103,13 @@ def solve_planar(
         compliance=0.0 if EA is None else EI / (positive("axial_stiffness_n", EA) * L * L),
     )
     clamps = problem.clamps
-    if EA is None and not problem.weight and _is_flat(clamps):
-        return _flat_limit(scale, problem)
+    uniform = sheet is None or not sheet.profile
+    if EA is None and not problem.weight and _is_flat(clamps) and uniform:
+        return _flat_limit(scale, _on_basis(problem, MODES[0], sheet))
     if EA is None and math.hypot(1.0 - clamps.shortening, clamps.climb) >= 1.0:
         reason = "taut: the grips are at least L apart and the rod cannot stretch"
         return unsolved(scale, problem, reason)
-    return _refine(scale, problem, guess)
+    return _refine(scale, problem, guess, sheet)
 
 
 def follow_symmetric(
@@ -110,10 +119,11 @@ def follow_symmetric(
     weight_per_length: float = 0.0,
     guess: RodState | None = None,
     axial_stiffness_n: float | None = None,
+    sheet: Sheet | None = None,
 ) -> tuple[RodState, ...]:
     """Return the states along a sequence of (α [rad], half distance [m]), as follow_planar does."""
     pairs = (((-x, 0.0, alpha), (x, 0.0, alpha)) for alpha, x in points)
-    return follow_planar(EI, L, pairs, weight_per_length, guess, axial_stiffness_n)
+    return follow_planar(EI, L, pairs, weight_per_length, guess, axial_stiffness_n, sheet)
 
 
 def follow_planar(
@@ -123,6 +133,7 @@ def follow_planar(
     weight_per_length: float = 0.0,
     guess: RodState | None = None,
     axial_stiffness_n: float | None = None,
+    sheet: Sheet | None = None,
 ) -> tuple[RodState, ...]:
     """Return the states along a sequence of (left grip, right grip), each from the previous one.
 
@@ -130,7 +141,7 @@ def follow_planar(
     """
     states: list[RodState] = []
     for left, right in grips:
-        state = solve_planar(EI, L, left, right, weight_per_length, guess, axial_stiffness_n)
+        state = solve_planar(EI, L, left, right, weight_per_length, guess, axial_stiffness_n, sheet)
         states.append(state)
         guess = state if state.converged else guess
     return tuple(states)
@@ -159,11 +170,40 @@ def _flat_limit(scale: Scale, problem: ritz.Problem) -> RodState:
     return replace(dimensional_state(scale, problem, unknowns), converged=True, reason=reason)
 
 
-def _refine(scale: Scale, problem: ritz.Problem, guess: RodState | None) -> RodState:
+def _on_basis(problem: ritz.Problem, modes: int, sheet: Sheet | None) -> ritz.Problem:
+    """Return the problem on a basis, with what varies along the rod at its Gauss points."""
+    if sheet is None or sheet.is_plain:
+        return replace(problem, basis=basis(modes))
+    return replace(problem, basis=basis(modes, _breaks(sheet)), along=_along(sheet, modes))
+
+
+def _breaks(sheet: Sheet) -> tuple[float, ...]:
+    return tuple(s / sheet.length_m for s in sheet.breaks_m)
+
+
+@lru_cache(maxsize=64)
+def _along(sheet: Sheet, modes: int) -> ritz.Along:
+    base, L = basis(modes, _breaks(sheet)), sheet.length_m
+    places = [*(L * base.sigma).tolist(), 0.0, L]
+    stiffness = [sheet.section_at(s).bending_stiffness_nm2 for s in places]
+    relative = np.array(stiffness) / sheet.bending_stiffness_nm2
+    weight = sheet.thickness_at(L * base.sigma) / sheet.thickness_m
+    return ritz.Along(
+        stiffness=relative[:-2],
+        weight=weight,
+        hung=base.running @ weight,
+        ends=relative[-2:],
+        rest=sheet.rest_curvature_per_m * L,
+    )
+
+
+def _refine(
+    scale: Scale, problem: ritz.Problem, guess: RodState | None, sheet: Sheet | None
+) -> RodState:
     """Solve on larger and larger bases until the state is resolved."""
     best: RodState | None = None
     for modes in MODES:
-        state = _attempt(scale, replace(problem, basis=ritz.basis(modes)), guess)
+        state = _attempt(scale, _on_basis(problem, modes, sheet), guess)
         if state is not None and state.residual <= RESIDUAL_TOLERANCE:
             return state
         best = state or best

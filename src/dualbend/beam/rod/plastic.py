@@ -47,6 +47,8 @@ def solve_plastic(
     """
     if sheet.plasticity is None:
         raise InputError("the sheet does not yield; beam.rod solves an elastic one")
+    if not sheet.is_plain:
+        raise InputError("the yielding rod is of one thickness and straight at rest")
     EI, L = sheet.bending_stiffness_nm2, sheet.length_m
     first = sheet.plasticity.first_yield(sheet.thickness_m)
     table = np.concatenate(([0.0], np.geomspace(first, _FURTHEST * first, _TABLE)))

@@ -13,82 +13,33 @@ stationary, c the shortening 1 − Δx/L and h = Δz/L of the clamps. Its condit
 
 θ is the straight line between the end slopes plus integrated Legendre polynomials, whose
 derivatives are orthonormal: bending contributes the unit matrix, and convergence is spectral.
+
+A rod that is not uniform, or curved by κ₀ at rest (:class:`Along`), has ½ e (θ' + κ₀ L)² in the
+place of ½ θ'², e = EI(σ)/EI; where e or its slope jumps, pieces of the rod have polynomials each.
 Source: Reissner's finite-strain beam without shear, J. Appl. Math. Phys. 23 (1972) 795.
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-from numpy.polynomial.legendre import leggauss, legvander
 
 from dualbend.beam._check import FloatArray
-
-OUTPUT_POINTS = 81
-"""Equally spaced arc lengths of a result; L/80 meets the hinges of 10, 20 and 40 strips."""
+from dualbend.beam.rod.basis import Basis
 
 
 @dataclass(frozen=True, kw_only=True)
-class Basis:
-    """Tables of the trial functions φ_k at the Gauss points and at the output points."""
+class Along:
+    """What a rod is along its length, over a uniform one that is straight at rest.
 
-    sigma: FloatArray
-    weights: FloatArray
-    phi: FloatArray
-    slope: FloatArray
-    running: FloatArray
-    """∫₀^σ at the Gauss points of a function known there."""
-    out_sigma: FloatArray
-    out_phi: FloatArray
-    out_slope: FloatArray
-    cumulative: FloatArray
-    """∫₀^σ at the output points of a function known at the Gauss points."""
+    ``stiffness`` e, ``weight`` and ``hung`` (∫₀^σ of it) at the Gauss points, ``ends`` e(0) and
+    e(1), ``rest`` κ₀ L.
+    """
 
-    @property
-    def modes(self) -> int:
-        """Number of trial functions."""
-        return int(self.phi.shape[1])
-
-
-def _integrated(xi: FloatArray, count: int) -> FloatArray:
-    """∫₀^σ of the Legendre polynomials 1..count in 2σ − 1, each scaled to unit norm on [0, 1]."""
-    table = legvander(xi, count + 1)
-    degree = np.arange(1, count + 1)
-    return np.asarray((table[:, 2:] - table[:, :-2]) / (2.0 * np.sqrt(2.0 * degree + 1.0)))
-
-
-def _legendre(xi: FloatArray, count: int) -> FloatArray:
-    """Return the Legendre polynomials 1..count, each scaled to unit norm on [0, 1]."""
-    degree = np.arange(1, count + 1)
-    return np.asarray(legvander(xi, count)[:, 1:] * np.sqrt(2.0 * degree + 1.0))
-
-
-def _antiderivative(sigma: FloatArray, count: int) -> FloatArray:
-    """∫₀^σ of the first scaled Legendre polynomials, the constant one included."""
-    return np.hstack([sigma[:, None], _integrated(2.0 * sigma - 1.0, count - 1)])
-
-
-@cache
-def basis(modes: int) -> Basis:
-    """Return the tables for a number of trial functions (twice as many Gauss points)."""
-    xi, gauss = leggauss(2 * modes)
-    weights = gauss / 2.0
-    out = np.linspace(0.0, 1.0, OUTPUT_POINTS)
-    points = xi.size
-    norm = np.sqrt(2.0 * np.arange(points) + 1.0)
-    inner = (xi + 1.0) / 2.0
-    coefficients = (legvander(xi, points - 1) * norm).T * weights
-    return Basis(
-        sigma=inner,
-        weights=weights,
-        phi=_integrated(xi, modes),
-        slope=_legendre(xi, modes),
-        running=_antiderivative(inner, points) @ coefficients,
-        out_sigma=out,
-        out_phi=_integrated(2.0 * out - 1.0, modes),
-        out_slope=_legendre(2.0 * out - 1.0, modes),
-        cumulative=_antiderivative(out, points) @ coefficients,
-    )
+    stiffness: FloatArray
+    weight: FloatArray
+    hung: FloatArray
+    ends: FloatArray
+    rest: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +70,8 @@ class Fields:
     along: FloatArray
     across: FloatArray
     stretch: FloatArray
+    moment: FloatArray | None
+    """e (θ' + κ₀ L), of a rod that is not uniform or not straight at rest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,6 +85,12 @@ class Problem:
     clamps: Clamps
     weight: float
     compliance: float
+    along: Along | None = None
+
+    @property
+    def hung(self) -> FloatArray:
+        """The share of the weight before each Gauss point."""
+        return self.basis.sigma if self.along is None else self.along.hung
 
     def line(self, sigma: FloatArray) -> FloatArray:
         """Return the straight line between the end slopes."""
@@ -142,33 +101,60 @@ class Problem:
         base = self.basis
         theta = self.line(base.sigma) + base.phi @ unknowns[:-2]
         cos, sin = np.cos(theta), np.sin(theta)
-        p, lift = unknowns[-2], unknowns[-1] + self.weight * base.sigma
+        p, lift = unknowns[-2], unknowns[-1] + self.weight * self.hung
         along = -p * cos - lift * sin
         across = p * sin - lift * cos
         stretch = 1.0 + self.compliance * along
-        return Fields(theta=theta, cos=cos, sin=sin, along=along, across=across, stretch=stretch)
+        moment = None
+        if self.along is not None:
+            step = self.clamps.slope_right - self.clamps.slope_left
+            turn = base.slope @ unknowns[:-2] + step + self.along.rest
+            moment = self.along.stiffness * turn
+        return Fields(
+            theta=theta,
+            cos=cos,
+            sin=sin,
+            along=along,
+            across=across,
+            stretch=stretch,
+            moment=moment,
+        )
 
     def residual(self, unknowns: FloatArray, f: Fields) -> FloatArray:
         """Return the gradient of Λ."""
         base, w = self.basis, self.basis.weights
-        bending = unknowns[:-2] - base.phi.T @ (w * f.stretch * f.across)
+        bent = unknowns[:-2] if f.moment is None else base.slope.T @ (w * f.moment)
+        bending = bent - base.phi.T @ (w * f.stretch * f.across)
         # 1 − cos θ = 2 sin²(θ/2): nothing cancels near the flat sheet.
         lost = 2.0 * np.sin(f.theta / 2.0) ** 2 - self.compliance * f.along * f.cos
         chord = self.clamps.shortening - w @ lost
         climb = w @ (f.stretch * f.sin) + self.clamps.climb
         return np.concatenate([bending, [chord, climb]])
 
-    def tangent(self, f: Fields, columns: FloatArray | None = None) -> FloatArray:
+    def tangent(self, f: Fields, *, with_ends: bool = False) -> FloatArray:
         """Return the (symmetric) second derivative of Λ in the unknowns.
 
-        The slope varies by columns with orthonormal derivatives, those of the basis if not given.
+        The slope varies by the functions of the basis, then, ``with_ends``, by the lines 1 − σ and
+        σ of the end slopes.
         """
-        phi = self.basis.phi if columns is None else columns
+        phi, slope = self.basis.phi, self.basis.slope
+        if with_ends:
+            sigma = self.basis.sigma
+            phi = np.column_stack([phi, 1.0 - sigma, sigma])
+            slope = np.column_stack([slope, -np.ones_like(sigma), np.ones_like(sigma)])
         w, kappa = self.basis.weights, self.compliance
         n = phi.shape[1]
         matrix = np.empty((n + 2, n + 2))
         geometric = w * (kappa * f.across**2 - f.stretch * f.along)
-        matrix[:n, :n] = np.eye(n) - phi.T @ (geometric[:, None] * phi)
+        if self.along is None:
+            # The derivatives are orthonormal, but for those of the lines, −1 and 1, to each other.
+            bend = np.eye(n)
+        else:
+            bend = slope.T @ ((w * self.along.stiffness)[:, None] * slope)
+        matrix[:n, :n] = bend - phi.T @ (geometric[:, None] * phi)
+        if with_ends and self.along is None:
+            matrix[n - 2, n - 1] -= 1.0
+            matrix[n - 1, n - 2] -= 1.0
         matrix[:n, n] = -phi.T @ (w * (f.stretch * f.sin - kappa * f.cos * f.across))
         matrix[:n, n + 1] = phi.T @ (w * (f.stretch * f.cos + kappa * f.sin * f.across))
         matrix[n:, :n] = matrix[:n, n:].T
@@ -182,6 +168,8 @@ class Problem:
         sigma = self.basis.sigma
         load = self.basis.weights * f.stretch * f.across
         step = self.clamps.slope_right - self.clamps.slope_left
+        if f.moment is not None:
+            step = float(self.basis.weights @ f.moment)
         return step + float(load @ (1.0 - sigma)), step - float(load @ sigma)
 
     def stiffness(self, f: Fields) -> FloatArray:
@@ -189,12 +177,8 @@ class Problem:
 
         The unknowns follow: H_ββ − H_βu H_uu⁻¹ H_uβ. Λ's gradient there is (−M(0), M(1), p, v).
         """
-        sigma, n = self.basis.sigma, self.basis.modes
-        columns = np.column_stack([self.basis.phi, 1.0 - sigma, sigma])
-        whole = self.tangent(f, columns)
-        # The two lines have the derivatives −1 and 1: orthogonal to φ' but not to each other.
-        whole[n, n + 1] -= 1.0
-        whole[n + 1, n] -= 1.0
+        n = self.basis.modes
+        whole = self.tangent(f, with_ends=True)
         inner = [*range(n), n + 2, n + 3]
         mixed = np.zeros((n + 2, 4))
         mixed[:, :2] = whole[inner, n : n + 2]
@@ -230,7 +214,8 @@ def start(problem: Problem) -> FloatArray:
     unknowns = np.concatenate([base.slope.T @ (base.weights * np.pi * slope), [0.0, 0.0]])
     f = problem.fields(unknowns)
     columns = base.phi.T @ (base.weights[:, None] * np.stack([f.sin, -f.cos], axis=1))
-    fixed = unknowns[:-2] + base.phi.T @ (base.weights * problem.weight * base.sigma * f.cos)
+    bent = unknowns[:-2] if f.moment is None else base.slope.T @ (base.weights * f.moment)
+    fixed = bent + base.phi.T @ (base.weights * problem.weight * problem.hung * f.cos)
     unknowns[-2:] = np.linalg.lstsq(columns, fixed, rcond=1e-10)[0]
     return unknowns
 

@@ -46,6 +46,8 @@ class RodStiffness(NamedTuple):
 
         The strips of the simulation are the case without.
         """
+        if not sheet.is_plain:
+            raise InputError("the rod in space is of one thickness and straight at rest")
         lateral = sheet.young_pa * sheet.thickness_m * sheet.width_m**3 / 12.0
         return cls(
             sheet.axial_stiffness_n if in_plane else math.inf,

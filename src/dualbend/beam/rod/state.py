@@ -8,6 +8,7 @@ import numpy as np
 
 from dualbend.beam._check import FloatArray
 from dualbend.beam.rod import branch, ritz
+from dualbend.beam.rod.basis import OUTPUT_POINTS
 
 RESIDUAL_TOLERANCE = 1e-7
 """Largest relative residual of a converged state."""
@@ -56,12 +57,13 @@ class Scale:
 
 @dataclass(frozen=True, kw_only=True)
 class RodState:
-    """An equilibrium of the rod; the arrays hold ritz.OUTPUT_POINTS equally spaced arc lengths.
+    """An equilibrium of the rod; the arrays hold OUTPUT_POINTS equally spaced arc lengths.
 
     rise_m is the mean height of the ends above the middle. residual is the largest of: Newton's
-    residual, the gap between the end moments as reactions and as EI θ', and the imbalance of the
-    moments about the left end, each relative to 1 + the dimensionless load. Where converged is
-    False, reason says why, and unknown values are NaN.
+    residual, the gap between the end moments as reactions and as EI (θ' + κ₀), and the imbalance of
+    the moments about the left end, each relative to 1 + the dimensionless load. Where converged is
+    False, reason says why, and unknown values are NaN. curvature_per_m is θ', whatever it is at
+    rest.
     """
 
     left: GripLoad
@@ -86,7 +88,7 @@ class RodState:
 
     @property
     def end_moment_nm(self) -> float:
-        """Moment on the left gripper, EI θ'(0) [N m]."""
+        """Moment on the left gripper, EI (θ'(0) + κ₀) [N m]."""
         return self.left.moment_nm
 
     def symmetric_stiffness(self) -> SymmetricStiffness:
@@ -117,7 +119,11 @@ def residual(problem: ritz.Problem, unknowns: FloatArray) -> float:
     # By θ', not by the reactions: those balance whatever the discretisation does.
     line = clamps.slope_right - clamps.slope_left
     bend = base.out_slope[[0, -1]] @ unknowns[:-2] + line
-    x_mean = float(base.weights @ (base.running @ (f.stretch * f.cos)))
+    x = base.running @ (f.stretch * f.cos)
+    if problem.along is not None:
+        bend = problem.along.ends * (bend + problem.along.rest)
+        x = problem.along.weight * x
+    x_mean = float(base.weights @ x)
     balance = bend[0] - bend[1] + clamps.climb * p + (1.0 - clamps.shortening) * (v + q)
     size = 1.0 + abs(p) + abs(v) + q
     gaps = (
@@ -157,7 +163,7 @@ def _in_si(
     return RodState(
         left=GripLoad(-p * force, v * force, first * moment),
         right=GripLoad(p * force, -(v + problem.weight) * force, last * moment),
-        rise_m=float(0.5 * (z[0] + z[-1]) - z[ritz.OUTPUT_POINTS // 2]) * L,
+        rise_m=float(0.5 * (z[0] + z[-1]) - z[OUTPUT_POINTS // 2]) * L,
         s_m=base.out_sigma * L,
         theta_rad=problem.line(base.out_sigma) + base.out_phi @ unknowns[:-2],
         x_m=scale.left.x_m + x * L,

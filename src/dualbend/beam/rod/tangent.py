@@ -63,4 +63,5 @@ def follow_grips(
         sheet.weight_per_length_n_per_m,
         guess,
         sheet.axial_stiffness_n,
+        sheet,
     )

@@ -38,14 +38,14 @@ class StripModel:
 
     Attributes
     ----------
-    bend_stiffness : moment over bending angle at a place of bending [N m/rad]
+    bend_stiffness : (N,) moment over bending angle at each place of bending [N m/rad]
     dofs : (n,) the sheet's degrees of freedom
     """
 
     def __init__(self, model: mujoco.MjModel, strips: StripConfig) -> None:
         bends = [model.joint(bend_joint(i)) for i in range(strips.hinges)]
         self.bend_q = np.array([joint.qposadr[0] for joint in bends])
-        self.bend_stiffness = hinge_stiffness(model, 0)
+        self.bend_stiffness = np.array([hinge_stiffness(model, i) for i in range(strips.hinges)])
         self._middle = model.body(strip_body(strips.hinges // 2)).id
         self._free_q = model.joint("sheet").qposadr[0]
         own = [i for i in range(model.njnt) if model.joint(i).name.startswith("sheet_")]
@@ -78,7 +78,8 @@ class ShellModel:
         set_elasticity(model, sheet, config)
         n, rows = config.cells_along, config.cells_across + 2
         self._spacing = sheet.length_m / n
-        self.bend_stiffness = replace(sheet, rigidity="plate").bending_stiffness_nm2 / self._spacing
+        stiffness = replace(sheet, rigidity="plate").bending_stiffness_nm2 / self._spacing
+        self.bend_stiffness = np.full(config.sections, stiffness)
         bodies = np.array(
             [[model.body(vertex_body(i, j)).id for j in range(rows)] for i in range(2, n)]
         )

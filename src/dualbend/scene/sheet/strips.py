@@ -14,6 +14,8 @@ A sheet that yields has springs side by side on each hinge, fixed tendons with M
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Annotated
 
 import mujoco
@@ -112,6 +114,19 @@ def add_sheet(
         edge.add_site(name=site, pos=[direction * h / 2, 0.0, 0.0], quat=about_z(yaw), **SITE)
 
 
+def effective(
+    sheet: Sheet, at_m: float, stretch_m: float, stiffness: Callable[[Sheet], float]
+) -> float:
+    """Return the stiffness of the stretch about an arc length that one hinge stands for.
+
+    Its compliances add up, 1 / mean(1/EI): a step or a taper is in the hinges to O(h²).
+    """
+    if not sheet.profile:
+        return stiffness(sheet)
+    low, high = max(at_m - stretch_m / 2, 0.0), min(at_m + stretch_m / 2, sheet.length_m)
+    return 1.0 / sheet.mean(low, high, lambda section: 1.0 / stiffness(section))
+
+
 def hinge_springs(sheet: Sheet, config: StripConfig) -> HingeSprings:
     """Return how each hinge of a sheet that yields does so, in curvatures and shares of EI."""
     assert sheet.plasticity is not None
@@ -151,8 +166,7 @@ def _add_half(
     """Chain the strips of one half outward from the middle; returns the end strip."""
     n = config.hinges
     h = sheet.length_m / n
-    bend = sheet.bending_stiffness_nm2 / h
-    twist = twist_hinges(config) * sheet.torsional_stiffness_nm2 / sheet.length_m
+    twists = twist_hinges(config)
     beta = damping_time(sheet, config.damping_ratio)
     elastic = 1.0 if sheet.plasticity is None else hinge_springs(sheet, config).elastic
     parent, offset = middle, direction * h / 2
@@ -161,8 +175,12 @@ def _add_half(
         hinge = min(strip, strip - direction)
         body = parent.add_body(name=strip_body(strip), pos=[offset, 0.0, 0.0])
         rest = rest_angle(sheet, config)
+        at = (hinge + 0.5) * h
+        bend = effective(sheet, at, h, lambda section: section.bending_stiffness_nm2) / h
         joints = [(bend_joint(hinge), [0, direction, 0], elastic, bend, rest)]
         if i % _TWIST_EVERY == 0:
+            GJ = effective(sheet, at, 2.0 * h, lambda section: section.torsional_stiffness_nm2)
+            twist = twists * GJ / sheet.length_m
             joints.append((twist_joint(hinge), [direction, 0, 0], 1.0, twist, 0.0))
         for name, axis, share, stiffness, sprung_at in joints:
             body.add_joint(
@@ -189,6 +207,10 @@ def _fill_strip(
     from_clamps_m: tuple[float, float],
 ) -> None:
     """Give a strip its inertia and a plate, to see and to touch."""
+    if sheet.profile:
+        low, high = from_clamps_m[0], sheet.length_m - from_clamps_m[1]
+        mean = sheet.mean(low, high, lambda section: section.thickness_m)
+        sheet = replace(sheet, thickness_m=mean, profile=())
     make_plate(body, sheet, length_m, centre_x_m)
     body.add_geom(
         name=f"{body.name}_plate",

@@ -34,6 +34,8 @@ def sheet_mass(sheet: Sheet, state: RodState) -> Vector:
     moved[points:, 1] += 1.0
     share = np.full(points, 1.0 / (points - 1))
     share[[0, -1]] /= 2.0
+    if sheet.profile:
+        share *= sheet.thickness_at(state.s_m) / sheet.thickness_m
     return np.asarray(sheet.mass_kg * (moved.T * np.tile(share, 2)) @ moved)
 
 

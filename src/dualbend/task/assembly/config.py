@@ -196,6 +196,13 @@ class AssemblyConfig(TaskConfig, tag="assembly"):
             raise InputError(
                 'sheet.model = "shell" has no holes and no contact: an assembly needs "strips"'
             )
+        for key in ("profile", "rest_curvature_per_m"):
+            if getattr(sheet, key):
+                raise InputError(
+                    f"sheet.{key}: an assembly is planned for a sheet of one thickness, flat at "
+                    "rest; imperfections.sheet.curvature_per_m curves the sheet that it is not "
+                    "planned for"
+                )
         if motion.return_rad is not None:
             raise InputError(
                 f"motion.return_rad = {motion.return_rad} is for a sheet that is bent between "
