@@ -235,9 +235,12 @@ def test_the_tools_weight_is_taken_off_along_the_axes_that_the_encoders_tell() -
 # --- bases --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.7])
-def test_a_base_stands_off_in_its_bending_frame(yaw: float) -> None:
-    arms = arm_pair(load_scenario(STRIP6, [f"cell.base_yaw_rad={yaw}"]))
+@pytest.mark.parametrize("yaw_pitch_roll", [(0.0, 0.0, 0.0), (0.7, 0.0, 0.0), (0.3, 1.2, -0.8)])
+def test_a_base_stands_off_in_its_bending_frame(
+    yaw_pitch_roll: tuple[float, float, float],
+) -> None:
+    turns = zip(("yaw", "pitch", "roll"), yaw_pitch_roll, strict=True)
+    arms = arm_pair(load_scenario(STRIP6, [f"cell.base_{axis}_rad={turn}" for axis, turn in turns]))
     place, turn = np.array([0.003, -0.002, 0.001]), np.array([0.02, -0.03, 0.04])
     config = RobotErrors(
         **dict(zip(("base_x_m", "base_y_m", "base_z_m"), place, strict=True)),

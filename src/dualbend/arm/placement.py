@@ -27,14 +27,14 @@ from dualbend.types import Vector
 MIN_MARGIN_RAD: Final = np.radians(5.0)
 """Joint-limit margin that every joint must keep along the path."""
 
-_SEED, _SEEDS, _KEPT, _REFINED = 11, 12, 200, 2
+_SEED, _SEEDS, _SEEDS_OF_ONE, _KEPT, _REFINED = 11, 12, 1800, 200, 2
 _REACHED = 1e-5
 _DISTANCE = (0.25, 0.4, 0.5, 0.6, 0.7, 0.85)
 _LATERAL = (0.0, 0.12, -0.12, 0.25, -0.25)
 _HEIGHT = (-0.7, -0.45, -0.2, 0.0, 0.2)
 """The grid, over the arm's reach: base behind the flange, beside and above the grip."""
 
-_TOOL_M, _ABOVE_FLOOR_M, _BEHIND_GRIP_M = 0.153, 0.06, 0.03
+_TOOL_M, _ABOVE_FLOOR_M, _BEHIND_GRIP_M, _BESIDE_SHEET_M = 0.153, 0.06, 0.03, 0.25
 _NEAREST_M, _HIGHEST_M, _CEILING_M = 0.3, 1.5, 3.0
 _UPRIGHT = 0.5
 """Cosine of a base's tilt from which on it counts as standing, its negative as hanging."""
@@ -146,7 +146,9 @@ class _Search:
         """Return the most promising of all places and branches, followed along the path."""
         base = self._grid()
         rng = np.random.default_rng(_SEED)
-        starts = rng.uniform(self._low, self._high, (_SEEDS, self._chain.count))
+        # A single place is tried with as many postures as places are with few.
+        seeds = _SEEDS if len(base) > 1 else _SEEDS_OF_ONE
+        starts = rng.uniform(self._low, self._high, (seeds, self._chain.count))
         if "home_rad" in self._given:
             starts = np.array([self._given["home_rad"]])
         every, starts = np.repeat(base, len(starts), axis=0), np.tile(starts, (len(base), 1))
@@ -239,6 +241,10 @@ class _Search:
         forward = c * points[..., 0] - s * points[..., 1] - base[:, 0][:, None, None]
         height = points[..., 2] + base[:, 2][:, None, None]
         behind = forward < self._targets[:, 0, 3][:, None] - _BEHIND_GRIP_M
+        if self._fixed.all():
+            # Two arms on one torso stand beside the sheet, and reach over to its ends.
+            aside = s * points[..., 0] + c * points[..., 1] + base[:, 1][:, None, None]
+            behind |= np.abs(aside) > _BESIDE_SHEET_M
         # The first joint's point is anywhere on its axis.
         fine = (behind & (height > _ABOVE_FLOOR_M))[..., 1:].all(axis=(1, 2))
         stands = (base[:, 2] >= 0.0) & (base[:, 2] <= self._highest)

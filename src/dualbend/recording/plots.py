@@ -69,10 +69,14 @@ def log_deviations(log: RecordingLog, trace: Trace) -> None:
 
 def log_joints(log: RecordingLog, trace: Trace) -> None:
     """Log joint torques and what the inverse kinematics left over."""
-    names = [f"{name.replace('_joint', ' joint ', 1)} [N m]" for name in trace.joints]
+    units = dict(trace.columns)
+    columns = {name: name.replace("_", "_torque_", 1) for name in trace.joints}
+    names = [
+        f"{name.replace('_joint', ' joint ', 1)} [{units[column]}]"
+        for name, column in columns.items()
+    ]
     log.once("torque", rr.SeriesLines(names=names))
-    columns = [trace[name.replace("_", "_torque_", 1)] for name in trace.joints]
-    torques = np.stack(columns, axis=1)
+    torques = np.stack([trace[column] for column in columns.values()], axis=1)
     log.rows("torque", rr.Scalars, log.frame, scalars=torques)
     log.lines(
         "ik",

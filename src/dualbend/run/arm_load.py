@@ -47,7 +47,8 @@ def refuse_overload(
         if needed[worst] > limits[worst]:
             raise InputError(
                 f"arm {placed.model.name!r} on the {side} is too weak: to hold gripper and sheet, "
-                f"{placed.model.joint_names[worst]} needs {needed[worst]:.1f} N m, its limit is "
+                f"{placed.model.joint_names[worst]} needs {needed[worst]:.1f} "
+                f"{'N' if placed.model.slides[worst] else 'N m'}, its limit is "
                 f"{limits[worst]:.1f}"
             )
 

@@ -81,7 +81,7 @@ def _refuse_home(model: ArmModel, home_rad: tuple[float, ...], key: str) -> None
         hint = f"; if these are degrees: {key} = {np.round(turned, 4).tolist()}"
     raise InputError(
         f"{key}[{i}] = {home[i]:g}: {model.joint_names[i]} of {model.name!r} goes from "
-        f"{low[i]:.4g} to {high[i]:.4g} rad{hint}"
+        f"{low[i]:.4g} to {high[i]:.4g} {'m' if model.slides[i] else 'rad'}{hint}"
     )
 
 

@@ -127,9 +127,11 @@ class PlanarRun(Run):
         i = int(np.argmax(speed / limit))
         if speed[i] > limit[i]:
             slower = self.scenario.motion.speed_rad_per_s * limit[i] / speed[i]
+            slides = self.cell.arms.slides[joints[i]]
+            moves, unit = ("move", "m/s") if slides else ("turn", "rad/s")
             raise InputError(
                 f"motion.speed_rad_per_s = {self.scenario.motion.speed_rad_per_s}: "
-                f"{joints[i]} would turn at {speed[i]:.2f} rad/s, above {limit[i]:.2f}; "
+                f"{joints[i]} would {moves} at {speed[i]:.2f} {unit}, above {limit[i]:.2f}; "
                 f"at most {slower:.2f} rad/s of bending here"
             )
 

@@ -16,8 +16,9 @@ from dualbend.run.make import make_run
 from dualbend.run.outcome import TaskStopped
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import Trace
-from dualbend.scenario.load import Settings, load_scenario, parse_toml, resolve_scenario
+from dualbend.scenario.load import Settings, load_scenario, resolve_scenario
 from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.toml_text import parse_toml
 from dualbend.scene.warnings import warnings_counted_only
 from dualbend.types import SIDES, Vector
 

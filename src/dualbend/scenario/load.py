@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -20,14 +19,15 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import with_arm_files, without_other_arms
 from dualbend.scenario.sheet import MaterialConfig, own_material
 from dualbend.scenario.structs import KIND, Kinds, fields_in, has_kinds
+from dualbend.scenario.toml_text import parse_toml, read_toml
 
 Settings: TypeAlias = Sequence[str] | Mapping[str, Any]
 """Texts ``path.to.key=value``, or the tables of a scenario as a dictionary."""
 
 _SCENARIO: Kinds = {"": Scenario}
 
-_LARGEST_FILE, _DEEPEST, _LONGEST_CHAIN = 10**7, 20, 20
-"""Bytes of a file, tables in one another, and files that extend one another: more is a mistake."""
+_LONGEST_CHAIN = 20
+"""Files that extend one another: more is a mistake."""
 
 
 _IMPERFECTIONS, _COMPLIANCE = "imperfections", "compliance"
@@ -100,33 +100,6 @@ def resolve_scenario(
         data[_IMPERFECTIONS] = with_preset(data[_IMPERFECTIONS])
     scenario = converted(data, Scenario, source)
     return _with_options(scenario, source) if to_run else scenario
-
-
-def read_toml(path: Path, said: str = "cannot be read") -> dict[str, Any]:
-    """Return the tables of a TOML file; an InputError begins with its path and what is ``said``."""
-    with refusing(f"{path}: {said}", OSError, UnicodeDecodeError):
-        if path.exists() and not path.is_file():
-            what = "a folder" if path.is_dir() else "a pipe or a device"
-            raise InputError(f"{path}: is {what}, no file")
-        if path.stat().st_size > _LARGEST_FILE:
-            raise InputError(f"{path}: has more than {_LARGEST_FILE:.0e} bytes")
-        # Windows' editors begin a file with a byte order mark.
-        text = path.read_text(encoding="utf-8-sig")
-    return parse_toml(text, path.name)
-
-
-def parse_toml(text: str, source: str) -> dict[str, Any]:
-    """Return the tables of a TOML text; InputError with ``source`` where it is none."""
-    # Thousands of digits or brackets are refused, too.
-    with refusing(f"{source}: no valid TOML", ValueError, RecursionError):
-        tables = tomllib.loads(text)
-    level: list[Any] = [tables]
-    for _ in range(_DEEPEST):
-        inside = (each.values() if isinstance(each, dict) else each for each in level)
-        level = [item for items in inside for item in items if isinstance(item, dict | list)]
-    if level:
-        raise InputError(f"{source}: tables and lists are nested more than {_DEEPEST} deep")
-    return tables
 
 
 def parse_scenario(text: str, source: str) -> Scenario:

@@ -1,8 +1,44 @@
-"""Values as a person would write them in TOML, on one line; reading them back gives the same."""
+"""TOML: files read with their errors, and values as a person would write them on one line."""
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+from typing import Any
+
 import msgspec
+
+from dualbend.errors import InputError, refusing
+
+_LARGEST_FILE, _DEEPEST = 10**7, 20
+"""Bytes of a file, and tables in one another: more is a mistake."""
+
+
+def read_toml(path: Path, said: str = "cannot be read") -> dict[str, Any]:
+    """Return the tables of a TOML file; an InputError begins with its path and what is ``said``."""
+    with refusing(f"{path}: {said}", OSError, UnicodeDecodeError):
+        if path.exists() and not path.is_file():
+            what = "a folder" if path.is_dir() else "a pipe or a device"
+            raise InputError(f"{path}: is {what}, no file")
+        if path.stat().st_size > _LARGEST_FILE:
+            raise InputError(f"{path}: has more than {_LARGEST_FILE:.0e} bytes")
+        # Windows' editors begin a file with a byte order mark.
+        text = path.read_text(encoding="utf-8-sig")
+    return parse_toml(text, path.name)
+
+
+def parse_toml(text: str, source: str) -> dict[str, Any]:
+    """Return the tables of a TOML text; InputError with ``source`` where it is none."""
+    # Thousands of digits or brackets are refused, too.
+    with refusing(f"{source}: no valid TOML", ValueError, RecursionError):
+        tables = tomllib.loads(text)
+    level: list[Any] = [tables]
+    for _ in range(_DEEPEST):
+        inside = (each.values() if isinstance(each, dict) else each for each in level)
+        level = [item for items in inside for item in items if isinstance(item, dict | list)]
+    if level:
+        raise InputError(f"{source}: tables and lists are nested more than {_DEEPEST} deep")
+    return tables
 
 
 def number(value: float) -> str:

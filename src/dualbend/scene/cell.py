@@ -212,12 +212,26 @@ def _add_arm(spec: mujoco.MjSpec, arms: ArmPair, side: Side, *, looks: bool) -> 
     frame = spec.worldbody.add_frame(pos=origin, quat=quat)
     model, placement = arms.of(side).model, arms.of(side).placement
     spec.attach(model.spec(looks=looks), frame=frame, prefix=f"{side}_")
-    if model.placement is None and placement.upright and origin[2] > COLUMN_FROM_M:
+    if not placement.upright:
+        _add_plate(spec.body(f"{side}_base"))
+    elif model.placement is None and origin[2] > COLUMN_FROM_M:
         _add_pedestal(spec.body(f"{side}_base"), float(origin[2]))
     tool = arm.load_gripper()
     # Arm and tool share a prefix; two classes of one name would not load again from the XML.
     tool.default.name = "tool_main"
     spec.attach(tool, site=f"{side}_{arm.FLANGE_SITE}", prefix=f"{side}_")
+
+
+def _add_plate(base: mujoco.MjsBody) -> None:
+    """Put a plate behind a base that hangs on a wall or a ceiling."""
+    base.add_geom(
+        type=BOX,
+        size=[0.16, 0.16, 0.01],
+        pos=[0.0, 0.0, -0.01],
+        rgba=[0.45, 0.47, 0.50, 1.0],
+        mass=0.0,
+        **DRAWN,
+    )
 
 
 def _add_pedestal(base: mujoco.MjsBody, height_m: float) -> None:

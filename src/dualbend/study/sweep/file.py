@@ -17,9 +17,9 @@ import tomli_w
 from dualbend.errors import InputError, brief, refusing, shortened
 from dualbend.scenario.explain import UNSET, converted, nearest, refuse_renamed
 from dualbend.scenario.keys import Key
-from dualbend.scenario.load import read_scenario, read_toml, resolve_scenario
+from dualbend.scenario.load import read_scenario, resolve_scenario
 from dualbend.scenario.scenario import Scenario, without_none
-from dualbend.scenario.toml_text import toml
+from dualbend.scenario.toml_text import read_toml, toml
 from dualbend.study.sweep.keys import (
     OPTION,
     Normal,

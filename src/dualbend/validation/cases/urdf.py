@@ -72,7 +72,8 @@ def model_rows(arm: ArmModel, configurations: int = 20) -> Iterator[Row]:
     low, high = np.array(arm.range_rad).T
     angles = np.random.default_rng(_SEED).uniform(low, high, (configurations, arm.count))
     model, theory = arm.spec(looks=False).compile(), equations_of(arm.file)
-    text, limit = f"{arm.name} {{}}, rel. difference from the URDF", _MODEL_LIMIT
+    kind, limit = "URDF" if arm.file.is_urdf else "MJCF", _MODEL_LIMIT
+    text = f"{arm.name} {{}}, rel. difference from the {kind}"
     yield from difference_rows(text, model, theory, arm.armature_kg_m2, angles, limit)
 
 
