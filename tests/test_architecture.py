@@ -47,7 +47,7 @@ HOMES = {
     "contourpy": "report/stability_map.py",
     "jinja2": "report/template.py",
     "markdown_it": "report/template.py",
-    "av": "recording/video.py",
+    "av": "recording/pictures/video.py",
     "trimesh": "arm/meshes.py",
     "gymnasium": "env/",
     "pettingzoo": "env/",

@@ -156,3 +156,13 @@ def test_drawn_oscillations_are_told_rightly_or_not_at_all() -> None:
         clear.update([right(found, case)] if case.clear else [])
     assert said[False] == 0, said  # statistical, n = 64; the lane: 2 of 3000
     assert 2 * clear[True] > clear.total(), clear  # statistical: three in five in the lane
+
+
+@pytest.mark.parametrize("period_s", [0.001, 0.002, 0.008])
+def test_the_rate_of_a_signal_is_not_that_of_its_sampling(period_s: float) -> None:
+    """An exponential that is sampled more often is the same: analytic, to the steps of a row."""
+    since = np.arange(0.0, 6.0, period_s)
+    moment = 0.05 * np.exp(-1.5 * since) * np.cos(2.0 * math.pi * 3.0 * since + 1.0)
+    found = oscillation_of(moment, period_s)
+    assert found.growth_per_s == pytest.approx(-1.5, abs=1e-6)
+    assert found.frequency_hz == pytest.approx(3.0, rel=1e-6)

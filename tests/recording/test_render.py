@@ -15,8 +15,8 @@ from PIL import Image
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError
 from dualbend.recording import offscreen, video
-from dualbend.recording.render import Look, check_look, frame_rows, write_video
-from dualbend.recording.video import frame_times_ms, save_frames
+from dualbend.recording.pictures.render import Look, check_look, frame_rows, write_video
+from dualbend.recording.pictures.video import frame_times_ms, save_frames
 from dualbend.run.loop import Run
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
@@ -36,7 +36,7 @@ try:
     offscreen.prepare()
     from pathlib import Path
     from support.made_up_book import make_book
-    from dualbend.recording.render import Look, Stage, write_video
+    from dualbend.recording.pictures.render import Look, Stage, write_video
     folder, (_, result) = Path(sys.argv[1]), make_book()
     write_video(result, folder / "run.gif", Look(width_px=160, speed=10.0))
     write_video(result, folder / "at.png", Look(width_px=160, at_s=0.5, camera="front"))

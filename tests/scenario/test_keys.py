@@ -117,6 +117,7 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
             *("task.misalignment", "cell.left", "cell.right"),
             *("compliance.x", "compliance.rotation"),
             *("robot.servo.integral", "robot.servo.friction_estimate", "learning"),
+            *("robot.left.response", "robot.right.response"),
             *(f"imperfections.events.{name}" for name in ("arm_stop", "power_failure", "oil")),
         }
     named = {".".join((*s.path, key.name)) for s in sections() for key in s.keys}

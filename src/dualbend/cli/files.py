@@ -145,7 +145,7 @@ def _check_arm(name: str, settings: tuple[str, ...], out: Path | None, *, as_jso
     else:
         click.echo(own_arm.found_text(found))
     if out is not None:
-        from dualbend.recording.arm_picture import draw_arm
+        from dualbend.recording.pictures.arm import draw_arm
 
         draw_arm(arm, own_arm.middle_of(arm), out)
         click.echo(f"{out} written", err=as_json)

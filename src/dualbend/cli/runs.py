@@ -249,7 +249,7 @@ def render(
 
     offscreen.prepare()  # before anything imports MuJoCo
 
-    from dualbend.recording.render import Look, check_look, write_video
+    from dualbend.recording.pictures.render import Look, check_look, write_video
     from dualbend.run.make import make_run
 
     look = Look(camera=camera, fps=fps, speed=speed, width_px=width, at_s=at_s, inset=inset)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.evaluation.sinusoids import (
     HIGHEST_HZ,
     LARGEST_EXPONENT,
@@ -101,6 +102,7 @@ def oscillation_of(
     if moment.size * period_s < AMPLITUDE_WINDOW_S:
         return Oscillation(amplitude_nm=None, reason=f"shorter than {AMPLITUDE_WINDOW_S:g} s")
     amplitude = _amplitude(moment, period_s)
+    moment, period_s = _means(moment, period_s)
     fits = fitted(moment, period_s)
     oscillates = _oscillating(fits, period_s)
     told, reason = _telling(fits, oscillates, period_s)
@@ -125,6 +127,17 @@ def oscillation_of(
         frequency_hz=frequency,
         reason=reason or "no exponential part reaches back to the onset",
     )
+
+
+def _means(moment: Vector, period_s: float) -> tuple[Vector, float]:
+    """Return means over groups of rows, as far apart as commands of the PUMA, and their period.
+
+    A mean leaves rate and frequency of an exponential as they are, and all that is looked for is
+    below 7 Hz. The windows' fits cost the square of the rate.
+    """
+    rows = max(math.floor(COMMAND_PERIOD_S / period_s + 1e-9), 1)
+    groups = moment[: moment.size // rows * rows].reshape(-1, rows)
+    return groups.mean(axis=1), rows * period_s
 
 
 def _amplitude(moment: Vector, period_s: float) -> float:

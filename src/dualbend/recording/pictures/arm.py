@@ -12,7 +12,7 @@ from dualbend.arm.mjcf import with_gripper
 from dualbend.arm.model import ArmModel
 from dualbend.errors import InputError, writing
 from dualbend.files import whole_file
-from dualbend.recording.render import drawing_options, open_renderer
+from dualbend.recording.pictures.render import drawing_options, open_renderer
 from dualbend.scene.mjcf import add_sky
 from dualbend.types import Vector
 

@@ -19,8 +19,8 @@ from PIL import Image, ImageDraw, ImageFont
 from dualbend.errors import InputError, writing
 from dualbend.files import whole_file
 from dualbend.recording.layers import layers_of
-from dualbend.recording.offscreen import no_opengl
-from dualbend.recording.video import SUFFIXES, largest_fps, refuse_missing, save_frames
+from dualbend.recording.pictures.offscreen import no_opengl
+from dualbend.recording.pictures.video import SUFFIXES, largest_fps, refuse_missing, save_frames
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
 

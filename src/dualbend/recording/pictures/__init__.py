@@ -1,0 +1,1 @@
+"""Pictures and videos of a run or an arm, drawn by MuJoCo without a screen."""
