@@ -14,7 +14,7 @@ from PIL import Image
 
 from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.errors import InputError
-from dualbend.recording import offscreen, video
+from dualbend.recording.pictures import offscreen, video
 from dualbend.recording.pictures.render import Look, check_look, frame_rows, write_video
 from dualbend.recording.pictures.video import frame_times_ms, save_frames
 from dualbend.run.loop import Run
@@ -30,7 +30,7 @@ NO_OPENGL = 77
 
 DRAWING = f"""
 import sys
-from dualbend.recording import offscreen
+from dualbend.recording.pictures import offscreen
 from dualbend.errors import InputError
 try:
     offscreen.prepare()
@@ -207,7 +207,7 @@ def test_no_opengl_is_told_before_the_run_with_what_helps(
 
 
 def test_a_back_end_that_does_not_load_is_bad_input() -> None:
-    code = "from dualbend.recording import offscreen; offscreen.prepare()"
+    code = "from dualbend.recording.pictures import offscreen; offscreen.prepare()"
     environment = os.environ | {
         "MUJOCO_GL": "nonsense",
         "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),

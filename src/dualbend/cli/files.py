@@ -133,7 +133,7 @@ def arms(
 def _check_arm(name: str, settings: tuple[str, ...], out: Path | None, *, as_json: bool) -> None:
     """Print what is found of an arm, and draw it."""
     if out is not None:
-        from dualbend.recording import offscreen
+        from dualbend.recording.pictures import offscreen
 
         offscreen.prepare()  # before anything imports MuJoCo
     from dualbend.validation import own_arm

@@ -245,7 +245,7 @@ def render(
 
     The extension of --out decides: .gif and .mp4 are a video, .png a picture.
     """
-    from dualbend.recording import offscreen
+    from dualbend.recording.pictures import offscreen
 
     offscreen.prepare()  # before anything imports MuJoCo
 
