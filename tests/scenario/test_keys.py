@@ -71,6 +71,9 @@ def test_a_value_reads_back(value: object) -> None:
     assert tomllib.loads(f"x = {toml(value)}")["x"] == value
 
 
+ANSWERS = [f"robot.{side}.response={{natural_frequency_hz=2}}" for side in ("left", "right")]
+
+
 def test_the_sections_hold_every_key_of_the_code() -> None:
     """Against another source: msgspec's own dictionaries of scenarios that have every section."""
     full = load_scenario(
@@ -103,7 +106,7 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
     held = walk(msgspec.to_builtins(full), "") - {"learning"}
     for kinds in (
         ["task.misalignment={left={},right={}}"],
-        ["path=piecewise", "filter=iir", "learning={}"],
+        ["path=piecewise", "filter=iir", "learning={}", *ANSWERS],
         ["path.kind=pieces", "path.pieces=2", "filter=none", "compliance=none"],
         ["path=approximate", "sheet.model=shell"],
         ["path.kind=table", "path.table=[[0,0.2,0],[1.1,0.16,0.1]]"],
