@@ -230,6 +230,13 @@ def test_the_grips_axes_are_turned_by_the_slope(loads: Vector, alpha: float) -> 
         np.testing.assert_allclose(found[:3], size * along, rtol=0.0, atol=1e-12)
 
 
+def test_along_x_only_the_worlds_axes_are_those_of_the_analysis() -> None:
+    for frame in ("world", "grip", "tool"):
+        x, pitch = admittance(frame, x=SIX["x"], pitch=SIX["pitch"]).transfer_functions(0.5)
+        assert (x is not None) == (frame == "world")
+        assert pitch is not None
+
+
 def test_the_tools_axes_are_those_that_the_encoders_tell() -> None:
     load = np.array([3.0, 0, -2.0, 0, 0, 0])
     tool = admittance("tool", x=SIX["x"])(observed(load, 0.2, measured=0.5))

@@ -41,6 +41,9 @@ class Mine:
         deviation = np.zeros((2, 6))
         deviation[0, 4] = observation.filtered.torque_nm[0, 1] / self.b
         return deviation
+
+class Other(Mine):
+    pass
 """
 
 
@@ -92,6 +95,16 @@ def test_the_papers_admittance_as_a_class_makes_the_trace_of_the_built_in_one(
     assert equal(own, make_run(load_scenario("fig8", settings)).run())
     softer = make_run(load_scenario(str(EXAMPLE), [*settings, "compliance.options.b=0.51"])).run()
     assert not equal(own, softer)
+
+
+def test_its_bounds_are_recorded_as_those_of_the_built_in_one() -> None:
+    """Exact: the same cycles."""
+    own, built_in = (
+        make_run(load_scenario(name, [*SHORT, f"compliance.{limit}=2e-3"])).run()
+        for name, limit in ((str(EXAMPLE), "options.limit"), ("fig8", "limit_rotation_rad"))
+    )
+    assert 0.0 < np.nansum(own["saturated"]) < own.trace.rows
+    assert equal(own, built_in)
 
 
 def test_the_class_of_the_example_is_as_short_as_is_said() -> None:
@@ -217,10 +230,19 @@ def test_a_setting_finds_it_in_the_working_folder_or_beside_the_scenario(
     assert isinstance(found, OwnComplianceConfig)
     assert found.folder == str(folders[0].resolve())
     monkeypatch.chdir(tmp_path)
-    found = load_scenario("b/mine.toml", ["compliance.kind=mine:Mine", BOTH]).compliance
+    found = load_scenario("b/mine.toml", ["compliance.kind=mine:Other", BOTH]).compliance
     assert isinstance(found, OwnComplianceConfig)
     assert found.folder == str(folders[1].resolve())
     assert "no module mine beside the scenario's file" in refused(["compliance=mine:Mine"])
+
+
+def test_a_module_of_a_name_that_is_taken_is_refused(
+    folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folders[0] / "json.py").write_text((folders[0] / "mine.py").read_text())
+    monkeypatch.chdir(folders[0])
+    assert "another module json is loaded already" in refused(["compliance=json:Mine"])
+    assert sys.modules["json"] is json
 
 
 def test_a_run_is_read_again_where_its_module_is_gone(

@@ -167,6 +167,17 @@ def test_a_trace_has_all_directions_where_they_may_deviate(tmp_path: Any) -> Non
     assert load_run(tmp_path).trace.equals(result.trace)
 
 
+def test_the_trace_has_each_direction_under_its_name() -> None:
+    """Exact."""
+    given = [1e-4, 2e-4, 3e-4, 4e-4, 5e-4, 6e-4]
+    own = f"compliance={{kind='support.controllers:Constant',options={{deviation={given}}}}}"
+    result = make_run(load_scenario("exact", [*SHORT, own])).run()
+    assert result.outcome == "completed"
+    for part, value in zip(("x", "y", "z", "roll", "alpha", "yaw"), given, strict=True):
+        assert result[f"left_deviation_{part}"][5] == value
+        assert result[f"right_deviation_{part}"][5] == 0.0
+
+
 @pytest.mark.slow
 def test_yielding_sideways_relieves_a_sheet_that_is_held_askew() -> None:
     """Golden, the table of docs/your-controller.md: half the lateral force, the yaw moment too."""

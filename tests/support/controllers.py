@@ -36,6 +36,16 @@ class Turn:
         return deviation
 
 
+class Constant:
+    """Deviates by the same in every cycle."""
+
+    def __init__(self, scenario: Scenario, deviation: list[float]) -> None:
+        self.deviation = deviation
+
+    def __call__(self, observation: Observation) -> Any:
+        return self.deviation
+
+
 class Fails:
     """Does nothing in so many cycles, then returns what it is told to, or raises."""
 
