@@ -29,7 +29,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
 THEORY = sorted(DOCS.glob("theory-*.md"))
-WITH_EXAMPLES = ("tutorial", "results", "api", "ci", "your-controller")
+WITH_EXAMPLES = ("tutorial", "results", "api", "ci", "your-controller", "your-sheet")
 
 SHORT = (
     "path.end_rad=0.4",

@@ -52,10 +52,16 @@ def own_learner(found: dict[str, float]) -> None:
     assert found["b"] == pytest.approx(4.1, abs=0.5)  # golden
 
 
+def own_sheet(found: dict[str, float]) -> None:
+    assert found["elastica"] == pytest.approx(28.1e-3, abs=0.2e-3)  # golden
+    # On its own path what is left is what pads and strips yield: no tenth of it.
+    assert found["own"] < 0.1 * found["elastica"]
+
+
 CHECKS: dict[str, Callable[[Any], None]] = {
     check.__name__: check
     for check in (
-        *(own_path, own_compliance, own_admittance, own_arm, own_task, own_loop, own_learner),
+        *(own_path, own_compliance, own_admittance, own_arm, own_task, own_loop, own_learner, own_sheet),
     )
 }
 

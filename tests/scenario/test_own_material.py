@@ -13,6 +13,7 @@ from dualbend.evaluation.sheet import sheet_report
 from dualbend.evaluation.warnings import name_warnings
 from dualbend.resources import models_dir
 from dualbend.scenario.load import load_scenario, parse_scenario, read_materials
+from dualbend.scenario.template import scenario_text
 
 OWN = """
 [PETG]
@@ -103,6 +104,15 @@ def test_layers_may_be_of_ones_own_materials(folder: Path) -> None:
     # Analytic: the mass of the layers.
     assert found.sheet.sheet().density_kg_per_m3 == pytest.approx((2 * 1270 + 1600) / 3)
     assert parse_scenario(found.to_toml(), "scenario.toml") == found
+
+
+def test_a_scenario_made_from_it_loads(folder: Path) -> None:
+    path = scenario_with(folder, 'material = "petg.toml"')
+    (folder / "new.toml").write_text(scenario_text("new", str(path)), encoding="utf-8")
+    shutil.move(folder / "petg.toml", folder / "gone.toml")
+    made = load_scenario(str(folder / "new.toml")).sheet
+    assert made.materials is not None
+    assert made.sheet().young_pa == 2.1e9
 
 
 def test_the_library_is_a_file_like_ones_own() -> None:

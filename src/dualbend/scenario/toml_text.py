@@ -55,9 +55,12 @@ def number(value: float) -> str:
 
 
 def toml(value: object) -> str:
-    """Return a value as TOML has it on one line; a key that is absent is ``"none"``."""
+    """Return a value as TOML has it on one line; a key that is absent is ``"none"``.
+
+    In a table of a list it is left out: what stands there extends nothing.
+    """
     if isinstance(value, msgspec.Struct):
-        value = msgspec.structs.asdict(value)
+        value = {k: v for k, v in msgspec.structs.asdict(value).items() if v is not None}
     if value is None:
         return '"none"'
     if isinstance(value, bool):

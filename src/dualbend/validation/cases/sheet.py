@@ -77,7 +77,8 @@ def reference_loads(sheet: Sheet, path: BendingPath, alphas: Vector, *, weight: 
     """Return the same loads of the rod that cannot stretch, as the strips cannot; NaN unsolved."""
     q = sheet.weight_per_length_n_per_m if weight else 0.0
     points = [(alpha, path.at(alpha)[0]) for alpha in alphas.tolist()]
-    states = rod.follow_symmetric(sheet.bending_stiffness_nm2, sheet.length_m, points, q)
+    EI, L = sheet.bending_stiffness_nm2, sheet.length_m
+    states = rod.follow_symmetric(EI, L, points, q, sheet=sheet)
     loads = [(s.end_force_n, s.end_moment_nm) if s.converged else (np.nan, np.nan) for s in states]
     force, moment = np.array(loads).T
     return EndLoads(force_n=force, moment_nm=moment)
