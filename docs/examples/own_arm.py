@@ -1,22 +1,23 @@
-"""Another arm: where it would stand to bend a light strip, and the moment it makes there.
+"""An arm of your own, from its file: where it would stand, and the moment that it makes there.
 
 Run: python docs/examples/own_arm.py
 """
 
-import sys
-from collections.abc import Sequence
+from pathlib import Path
 
 from dualbend import arm_pair, load_scenario, make_run
 
-ARM = "ur5"
+ARM = Path(__file__).with_name("own_arm.urdf")
 
 
-def main(settings: Sequence[str] = ()) -> dict[str, float]:
+def main() -> dict[str, float]:
     """Place two arms, bend a light strip; print and return distance and peak moment."""
-    scenario = load_scenario("tuned", ["compliance=none", f"robot.model={ARM}", *settings])
+    robot = {"model": str(ARM), "arm": {"payload_kg": 5.0}}
+    scenario = load_scenario("tuned", {"robot": robot, "compliance": "none"})
     arm = arm_pair(scenario).left
     place = arm.placement
-    print(f"{arm.model.name}: {arm.model.count} joints, payload {arm.model.payload_kg:g} kg")
+    print(f"{arm.model.name}: {arm.model.count} joints, reach {arm.model.reach_m:g} m")
+    print(*(f"assumed: {text}" for text in arm.model.assumed), sep="\n")
     print(
         f"base {place.base_distance_m:.3f} m behind the mid-plane, {place.base_lateral_m:+.3f} m "
         f"beside, {place.base_height_m:.3f} m up, turned by {place.base_yaw_rad:.3f} rad"
@@ -28,4 +29,4 @@ def main(settings: Sequence[str] = ()) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -304,6 +304,14 @@ REFUSED = {
         six().with_links(link_4=UNEVEN),
         "cannot be simulated: .*inertia must satisfy .*'link_4'",
     ),
+    "a mass that no arm has": (
+        six().with_links(link_4=link("link_4", 1e7)),
+        r"a mass \[kg\] is 1e\+07; 100000 at most",
+    ),
+    "no end of a torque": (
+        six().with_joints(lift={"effort": math.inf}),
+        r"a torque limit \[N m\] is inf; 1e\+06 at most",
+    ),
     "xacro": (
         Robot(links={}, joints=(), more='<xacro:include filename="a.xacro"/>'),
         r"is xacro, not expanded: xacro arm\.urdf > arm\.urdf",

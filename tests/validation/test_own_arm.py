@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -73,10 +74,20 @@ def test_the_command_gives_json_and_takes_settings(tmp_path: Path) -> None:
     assert "does not say the speed limit of any joint" in lacking.output
 
 
+def test_the_command_tells_where_an_arm_of_a_file_would_stand(file: Path) -> None:
+    done = CliRunner().invoke(main, ["arms", "--check", str(file), "--for", "tuned"])
+    assert done.exit_code == 0, done.output
+    assert re.match(r"arm.urdf base 1\.\d+ m behind, .* degrees of room", done.output)
+    weak = ["--set", "robot.arm.payload_kg=0.5"]
+    refused = CliRunner().invoke(main, ["arms", "--check", str(file), "--for", "tuned", *weak])
+    assert "arm.urdf no: " in refused.output
+    assert "above its payload of 0.5 kg" in refused.output
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--check", "x.urdf", "--for", "fig6"], "--check cannot be combined with --for"),
+        (["--check", "x.urdf", "--markdown"], "--check cannot be combined with --markdown"),
         (["--out", "x.png"], "--out is of --check"),
         (["--check", "none.urdf"], "none.urdf: cannot be read: No such file"),
         (["--check", "ur55"], "robot.model = 'ur55': must be one of"),

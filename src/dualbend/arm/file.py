@@ -142,6 +142,7 @@ class ArmFile:
         arm = self.read(looks=False)
         with _naming(self.file, arm.chain):
             model = arm.spec.compile()
+        _refuse_absurd(self.file, model, arm.limits)
         turn = self.facts.flange_rpy_rad
         if turn is None:
             turn = _outward(model)
@@ -237,6 +238,23 @@ def _naming(file: Path, chain: Chain) -> Iterator[None]:
         for i, joint in enumerate(chain.moving, 1):
             text = text.replace(f"'link{i}'", repr(joint.child))
         raise InputError(f"{file}: cannot be simulated: {text}") from error
+
+
+def _refuse_absurd(file: Path, model: mujoco.MjModel, limits: JointLimits) -> None:
+    """Raise InputError where a number of the file is none that an arm has."""
+    for what, values, most in (
+        ("a length [m]", model.body_pos, 100.0),
+        ("a mass [kg]", model.body_mass, 1e5),
+        ("an inertia [kg m²]", model.body_inertia, 1e6),
+        ("a joint's range [rad or m]", model.jnt_range, 1e3),
+        ("a joint's friction", model.dof_frictionloss, 1e6),
+        ("a joint's damping", model.dof_damping, 1e6),
+        ("a torque limit [N m]", limits.torque_n_m, 1e6),
+        ("a speed limit [rad/s]", limits.speed_rad_per_s, 1e6),
+    ):
+        size = np.abs(np.asarray(values))
+        if not (size <= most).all():  # no number is not, either
+            raise InputError(f"{file}: {what} is {size.max():g}; {most:g} at most")
 
 
 def _outward(model: mujoco.MjModel) -> tuple[float, float, float]:

@@ -59,7 +59,7 @@ class Urdf:
         self.tree = Tree(file, list(self._links), [*map(self._joint, self._joints.values())])
 
     def _error(self, text: str) -> InputError:
-        return InputError(f"{self.file}: {text}")
+        return InputError(f"{self.file}: {' '.join(text.split())}")  # MuJoCo's has lines
 
     def _end(self, joint: ET.Element, role: str) -> ET.Element:
         """Return the parent or child of a joint."""

@@ -104,12 +104,14 @@ def arms(
     With --for, each arm is tried in a scenario: base, manipulability and joint-limit margin.
     """
     if checked is not None:
-        if scenario is not None or markdown:
-            raise InputError("--check cannot be combined with --for or --markdown")
-        _check_arm(checked, settings, out, as_json=as_json)
-        return
+        if markdown:
+            raise InputError("--check cannot be combined with --markdown")
+        if scenario is None:
+            _check_arm(checked, settings, out, as_json=as_json)
+            return
+    names = None if checked is None else [checked]
     if out is not None:
-        raise InputError("--out is of --check")
+        raise InputError("--out is of --check, without --for")
     from dualbend.run import arm_list
 
     if scenario is None and settings:
@@ -117,11 +119,11 @@ def arms(
     if scenario is not None:
         load(scenario, settings)  # what is wrong with it is no arm's doing
     if scenario is not None and not as_json:
-        for row in arm_list.evaluate_arms(scenario, settings):
+        for row in arm_list.evaluate_arms(scenario, settings, names):
             click.echo(arm_list.verdict_text(row))
         return
     if scenario is not None:
-        rows = list(arm_list.evaluate_arms(scenario, settings))
+        rows = list(arm_list.evaluate_arms(scenario, settings, names))
     else:
         rows = arm_list.arm_table()
     if as_json:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -36,15 +37,19 @@ def arm_table() -> list[dict[str, Any]]:
     return rows
 
 
-def evaluate_arms(scenario: str, settings: Sequence[str] = ()) -> Iterator[dict[str, Any]]:
+def evaluate_arms(
+    scenario: str, settings: Sequence[str] = (), names: Iterable[str] | None = None
+) -> Iterator[dict[str, Any]]:
     """Yield for each arm, on both sides, what becomes of a scenario: its place, or why not.
+
+    ``names``: shipped arms or arms' files; None: all that are shipped.
 
     An arm that the scenario names for one side alone is replaced, too.
 
     ``room`` has manipulability and room to the limits by side, ``cell`` where the bases stand,
     ``refused`` the reason of an arm that cannot do it.
     """
-    for name in JOINT_COUNT:
+    for name in JOINT_COUNT if names is None else names:
         both = (f'robot.model="{name}"', "robot.left.model=none", "robot.right.model=none")
         try:
             ready = make_run(load_scenario(scenario, (*settings, *both)))
@@ -97,8 +102,9 @@ def _grade(row: dict[str, Any]) -> list[str]:
 
 def verdict_text(row: dict[str, Any]) -> str:
     """Return a row of :func:`evaluate_arms` for people: the base, and the worse of both rooms."""
+    name = Path(row["name"]).name
     if "refused" in row:
-        return f"{row['name']:<9}no: {row['refused']}"
+        return f"{name:<8} no: {row['refused']}"
     stand, base = row["cell"], "base"
     if stand["base_distance_m"] is None:  # the arms stand differently
         stand, base = stand["left"], "left base"
@@ -106,7 +112,7 @@ def verdict_text(row: dict[str, Any]) -> str:
     manipulability = min(room["manipulability"] for room in rooms)
     tight = min(rooms, key=lambda room: float(room["room_deg"]))
     return (
-        f"{row['name']:<9}{base} {stand['base_distance_m']:.3f} m behind, "
+        f"{name:<8} {base} {stand['base_distance_m']:.3f} m behind, "
         f"{stand['base_lateral_m']:+.3f} m beside, {stand['base_height_m']:.3f} m up, "
         f"yaw {stand['base_yaw_rad']:+.3f}; manipulability {manipulability:.2f}, "
         f"{tight['room_deg']:.0f} degrees of room ({tight['joint']})"
