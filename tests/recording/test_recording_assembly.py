@@ -210,7 +210,7 @@ def test_contact_is_what_the_arms_feel_beside_the_weight(result: RunRecord) -> N
             carried_n = weight if axis == "z" else 0.01
             here = sheets == sheet
             trace[f"net_force_{axis}"][here] = contact[here, i] + carried_n
-    seen = contact_force(trace)
+    seen = contact_force(trace, COMMAND_PERIOD_S)
     down = np.isin(rows, PHASES[PHASES.index("lower") : PHASES.index("release")])
     np.testing.assert_allclose(seen[down], contact[down], atol=1e-14)  # analytic
     assert np.isnan(seen[~down]).all()
@@ -218,7 +218,7 @@ def test_contact_is_what_the_arms_feel_beside_the_weight(result: RunRecord) -> N
 
 def test_lines_of_contact_end_where_there_is_none(recorded: Recorded) -> None:
     _, result = make_book()  # as it was recorded
-    force = contact_force(result.trace)
+    force = contact_force(result.trace, COMMAND_PERIOD_S)
     values = recorded.columns["/contact_force"]["Scalars:scalars"]
     lengths = np.array([len(value) for value in values])
     there = recorded.rows("/contact_force")

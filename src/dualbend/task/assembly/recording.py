@@ -21,7 +21,7 @@ from dualbend.scene.bed.mjcf import laid_body
 from dualbend.scene.sheet.strips import strip_body
 from dualbend.task.assembly.config import assembly_of
 from dualbend.task.assembly.program.motions import PHASES
-from dualbend.task.assembly.program.state import MEAN_CYCLES
+from dualbend.task.assembly.program.state import mean_cycles
 from dualbend.types import Vector
 
 PHASE_COLOURS = {
@@ -133,7 +133,9 @@ class AssemblyLayers(Layers):
             log.lines(entity, *lines)
 
         by_hole("pin_force", "N", lambda hole: trace[f"pin_force_{hole}"])
-        axes = zip("xyz", contact_force(trace).T, _AXIS_COLOURS, strict=True)
+        axes = zip(
+            "xyz", contact_force(trace, result.scenario.period_s).T, _AXIS_COLOURS, strict=True
+        )
         log.broken_line("contact_force", *((f"{a} [N]", f, look, 1.5) for a, f, look in axes))
         axes = zip("xyz", 1e3 * places(trace).T[:3], _AXIS_COLOURS, strict=True)
         nominal = ((f"{a} nominal [mm]", place, look, 1.5) for a, place, look in axes)
@@ -295,7 +297,7 @@ def places(trace: Trace) -> Vector:
     return np.stack([trace[f"place_{name}"] for name in ("x", "y", "z", "yaw")], axis=1)
 
 
-def contact_force(trace: Trace) -> Vector:
+def contact_force(trace: Trace, period_s: float) -> Vector:
     """Return the force of pins and bed on the sheet, as the arms feel it (rows, 3) [N].
 
     The net force less its mean at the end of the phase ``bend``, when the sheet touched nothing;
@@ -308,7 +310,7 @@ def contact_force(trace: Trace) -> Vector:
     for number in np.unique(sheet[down & np.isfinite(sheet)]):
         free = np.flatnonzero((sheet == number) & (phase == PHASES.index("bend")))
         mine = down & (sheet == number)
-        force[mine] = net[mine] - net[free[-MEAN_CYCLES:]].mean(axis=0)
+        force[mine] = net[mine] - net[free[-mean_cycles(period_s) :]].mean(axis=0)
     return force
 
 

@@ -30,18 +30,21 @@ class Execution:
     """An explicit state machine over a table of phases; it may be copied or pickled in any cycle.
 
     ``table`` is only read; ``start``: posture in which the arms begin; ``bend_rad``: bending angle
-    at which a sheet is laid.
+    at which a sheet is laid; ``period_s``: of the commands [s].
     """
 
     table: tuple[Phase, ...]
     start: Posture
     bend_rad: float
+    period_s: float
     state: State = field(init=False)
     goal: Goal | None = field(init=False)
     """What is wanted in the present cycle; None when all sheets are laid."""
 
     def __post_init__(self) -> None:
-        self.state = State(posture=self.start, begin=self.start, end=self.start)
+        self.state = State(
+            posture=self.start, period_s=self.period_s, begin=self.start, end=self.start
+        )
         self.goal = self._next_goal()
 
     def advance(self, sensed: Sensed) -> Goal | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dualbend.task.assembly.program.state import MEAN_CYCLES, SUPPORT_CYCLES, State
+from dualbend.task.assembly.program.state import State
 from dualbend.task.assembly.program.steps import Step
 
 PRESS_RATE_PER_S = 2.0
@@ -48,7 +48,7 @@ class Press(Correction):
 
     def advance(self, state: State) -> bool:
         """Go up or down a little."""
-        excess = state.support(MEAN_CYCLES) - self.force
+        excess = state.support() - self.force
         at_the_end = abs(state.height) == self.most and excess * state.height > 0.0
         if abs(excess) <= self.band or at_the_end or self.late(state):
             return False
@@ -78,7 +78,7 @@ class Slack:
 
     def excess(self, state: State) -> float:
         """Return the tension beyond what is let be [N]."""
-        tension, alpha = state.mean(SUPPORT_CYCLES).tension, state.posture.alpha
+        tension, alpha = state.mean(quick=True).tension, state.posture.alpha
         lowest = -self.force - (self.buckling_n if alpha else 0.0)
         return 0.0 if alpha > self.flat_rad else tension - min(max(tension, lowest), self.force)
 
@@ -98,7 +98,7 @@ class Level(Correction):
 
     def advance(self, state: State) -> bool:
         """Raise or lower them a little."""
-        excess, levels = state.ends_held_up(SUPPORT_CYCLES), np.array(state.levels)
+        excess, levels = state.ends_held_up(quick=True), np.array(state.levels)
         at_the_end = (np.abs(levels) == self.most) & (excess * levels > 0.0)
         off = (np.abs(excess) > self.force) & ~at_the_end
         if not off.any() or self.late(state):
@@ -120,7 +120,7 @@ class Slacken(Step):
     def advance(self, state: State) -> bool:
         """Wait for another cycle."""
         late = state.cycle * self.slack.period_s > self.timeout_s
-        if state.cycle >= MEAN_CYCLES and (late or not self.slack.excess(state)):
+        if state.cycle >= state.mean_cycles and (late or not self.slack.excess(state)):
             return False
         state.cycle += 1
         return True

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Protocol
 
 from dualbend.task.assembly.program.held import PRESS_RATE_PER_S
 from dualbend.task.assembly.program.motions import Posture
-from dualbend.task.assembly.program.state import MEAN_CYCLES, SUPPORT_CYCLES, State, Tried
+from dualbend.task.assembly.program.state import State, Tried
 from dualbend.task.assembly.program.steps import Motion, Move
 from dualbend.types import Vector
 
@@ -17,6 +17,13 @@ from dualbend.types import Vector
 def rigid(_: float) -> float:
     """Return how far a force holds up what does not yield: not at all."""
     return 0.0
+
+
+class Support(Protocol):
+    """What tells the force [N] that holds holes up."""
+
+    def __call__(self, state: State, /, *, quick: bool = False) -> float:
+        """Return its mean over half a second, or over the shorter time in which a motion ends."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +42,7 @@ class HolePair:
     name: Literal["middle", "outer"]
     coordinate: Literal["z", "alpha"]
     target: float
-    support: Callable[[State, int], float]
+    support: Support
     touch_n: float
     missed_n: float
     short: float
@@ -55,12 +62,12 @@ class HolePair:
     def height(self, state: State) -> float:
         """Return how high the holes are, in the coordinate: arms were raised, the sheet yields."""
         raised = state.height if self.coordinate == "z" else 0.0
-        return self.value(state) + raised + self.yields(self.support(state, MEAN_CYCLES))
+        return self.value(state) + raised + self.yields(self.support(state))
 
     def off(self, state: State) -> bool:
         """Tell whether the holes are not on their pins, by force or by height."""
         short = self.height(state) - self.target
-        return self.support(state, MEAN_CYCLES) >= self.missed_n or short > self.short
+        return self.support(state) >= self.missed_n or short > self.short
 
     def one_is_on(self, state: State) -> bool:
         """Tell whether the holes are so low that one must be on its pin, and the other is not."""
@@ -70,7 +77,7 @@ class HolePair:
         """Tell whether to try again; stop the task after the last attempt."""
         if not self.off(state):
             return False
-        support, height = self.support(state, MEAN_CYCLES), self.height(state)
+        support, height = self.support(state), self.height(state)
         short = height - self.target
         if state.attempt + 1 < self.attempts:
             state.tried.append(
@@ -117,7 +124,7 @@ class MoveDown(Move):
         if state.cycle == 0:
             state.lowest, state.still = value, 0
             return self.bottom < value <= self.top and super().advance(state)
-        support = holes.support(state, SUPPORT_CYCLES)
+        support = holes.support(state, quick=True)
         if not state.seeking and support <= holes.touch_n and state.go_on():
             return True
         state.seeking = False
@@ -190,9 +197,9 @@ class Turn(Motion):
 
     def advance(self, state: State) -> bool:
         """Go on until the motion's time is over, or the pins push back."""
-        if state.cycle >= SUPPORT_CYCLES:
+        if state.cycle >= state.quick_cycles:
             way = math.copysign(1.0, state.end.yaw - state.begin.yaw)
-            if -way * state.contact_wrench(state.mean(SUPPORT_CYCLES).net)[2] > self.most:
+            if -way * state.contact_wrench(state.mean(quick=True).net)[2] > self.most:
                 return False
         return super().advance(state)
 

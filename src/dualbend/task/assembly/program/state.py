@@ -13,11 +13,14 @@ from dualbend.task.assembly.program.memory import Memory
 from dualbend.task.assembly.program.motions import PHASES, Posture, Sensed, interpolate
 from dualbend.types import Vector
 
-MEAN_CYCLES = 18
-"""Half a second: over it the sensors' noise has a mean of some 0.02 N."""
+_MEAN_S, _QUICK_S = 0.504, 0.14
+"""Half a second, over which the sensors' noise has a mean of some 0.02 N; and the time over which a
+force is averaged that ends a motion."""
 
-SUPPORT_CYCLES = 5
-"""Over which a force is averaged that ends a motion."""
+
+def mean_cycles(period_s: float) -> int:
+    """Return the cycles of ``period_s`` [s] over which what is sensed is averaged."""
+    return max(round(_MEAN_S / period_s), 1)
 
 
 class Pushed(NamedTuple):
@@ -63,6 +66,7 @@ class State:
     """
 
     posture: Posture
+    period_s: float
     row: int = 0
     step: int = 0
     attempt: int = 0
@@ -75,7 +79,7 @@ class State:
     still: int = 0
     lowest: float = 0.0
     seeking: bool = False
-    seen: deque[Sensed] = field(default_factory=lambda: deque(maxlen=MEAN_CYCLES))
+    seen: deque[Sensed] = field(init=False)
     empty: Sensed | None = None
     free: Sensed | None = None
     seated: Sensed | None = None
@@ -85,6 +89,20 @@ class State:
     touch_from: Vector | None = None
     pushed: deque[Pushed] = field(default_factory=lambda: deque(maxlen=2))
     memory: Memory = field(default_factory=Memory)
+
+    def __post_init__(self) -> None:
+        """Keep as many measurements as are averaged."""
+        self.seen = deque(maxlen=mean_cycles(self.period_s))
+
+    @property
+    def mean_cycles(self) -> int:
+        """Cycles over which what is sensed is averaged."""
+        return mean_cycles(self.period_s)
+
+    @property
+    def quick_cycles(self) -> int:
+        """Cycles over which a force is averaged that ends a motion."""
+        return max(round(_QUICK_S / self.period_s), 1)
 
     @property
     def phase(self) -> int:
@@ -120,9 +138,9 @@ class State:
         assert self.free is not None
         return self.mean().place - self.free.place
 
-    def mean(self, cycles: int = MEAN_CYCLES) -> Sensed:
+    def mean(self, *, quick: bool = False) -> Sensed:
         """Return the mean of the last measurements, and the largest error of the grips."""
-        last = list(self.seen)[-cycles:]
+        last = list(self.seen)[-self.quick_cycles :] if quick else list(self.seen)
         return Sensed(
             net=np.mean([s.net for s in last], axis=0),
             vertical=np.mean([s.vertical for s in last], axis=0),
@@ -133,19 +151,19 @@ class State:
             place=np.mean([s.place for s in last], axis=0),
         )
 
-    def support(self, cycles: int) -> float:
+    def support(self, *, quick: bool = False) -> float:
         """Return the force that holds the sheet up besides the arms [N]."""
         assert self.free is not None
-        return float(self.mean(cycles).net[2] - self.free.net[2])
+        return float(self.mean(quick=quick).net[2] - self.free.net[2])
 
-    def end_support(self, cycles: int) -> float:
+    def end_support(self, *, quick: bool = False) -> float:
         """Return what holds an arm up besides the middle pins, the larger one of both [N]."""
-        return float(self.ends_held_up(cycles).max())
+        return float(self.ends_held_up(quick=quick).max())
 
-    def ends_held_up(self, cycles: int) -> Vector:
+    def ends_held_up(self, *, quick: bool = False) -> Vector:
         """Return what holds each arm up besides the middle pins (2,) [N]."""
         assert self.seated is not None
-        return self.mean(cycles).vertical - self.seated.vertical
+        return self.mean(quick=quick).vertical - self.seated.vertical
 
     def grip_error(self) -> float:
         """Return the distance of the grips from where they were sent [m]."""

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from dualbend.task.assembly.program.motions import Pace, Posture
-from dualbend.task.assembly.program.state import MEAN_CYCLES, State
+from dualbend.task.assembly.program.state import State
 from dualbend.types import SIDES
 
 
@@ -86,7 +86,7 @@ class Wait(Step):
     def advance(self, state: State) -> bool:
         """Stay for another cycle, or stop the task."""
         waited, allowed = state.cycle - self.rest_cycles, math.ceil(self.timeout_s / self.period_s)
-        if waited >= min(MEAN_CYCLES, allowed):
+        if waited >= min(state.mean_cycles, allowed):
             if self.above < self.quantity(state) < self.below:
                 return False
             if waited == allowed:

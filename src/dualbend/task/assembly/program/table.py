@@ -24,7 +24,7 @@ from dualbend.task.assembly.program.middle import BentMiddle, Yields, rigid
 from dualbend.task.assembly.program.motions import CHECK, Pace, Posture
 from dualbend.task.assembly.program.search import GoAside, HolePair, MoveDown, Turn
 from dualbend.task.assembly.program.seats import Feeling
-from dualbend.task.assembly.program.state import MEAN_CYCLES, State
+from dualbend.task.assembly.program.state import State, mean_cycles
 from dualbend.task.assembly.program.steps import (
     CheckFlat,
     CheckGrasp,
@@ -129,7 +129,7 @@ class AssemblyProgram:
 
     def begin(self) -> Execution:
         """Return an execution from the start."""
-        return Execution(self.table, self.start, self.bend_rad)
+        return Execution(self.table, self.start, self.bend_rad, self.pace.period_s)
 
     def waypoints(self) -> list[tuple[str, Posture]]:
         """Return the postures between which the arms move, by the phase that ends there."""
@@ -174,7 +174,7 @@ class AssemblyProgram:
             quantity=State.grip_error,
             below=1e-3,
             otherwise="the grips are not where they were sent",
-            rest_cycles=MEAN_CYCLES,
+            rest_cycles=mean_cycles(self.pace.period_s),
         )
         rest, gap = "the jaws have not come to rest", "the jaws have not opened"
         closed = wait(quantity=State.jaw_travel, below=0.1 * t, otherwise=rest)
