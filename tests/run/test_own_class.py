@@ -420,3 +420,15 @@ def test_a_sweep_in_two_processes_varies_its_options(
         here = make_run(load_scenario(str(folders[0] / "mine.toml"), settings)).run()
         assert found[i] == here.metrics["peak_moment"].value
     assert len(set(found.values())) == 3
+
+
+def test_a_scenario_that_was_moved_finds_the_module_that_was_moved_with_it(
+    folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    text = load_scenario(str(folders[0] / "mine.toml")).to_toml()
+    moved = tmp_path / "moved"
+    folders[0].rename(moved)
+    (moved / "scenario.toml").write_text(text)
+    found = load_scenario(str(moved / "scenario.toml")).compliance
+    assert isinstance(found, OwnComplianceConfig)
+    assert found.folder == str(moved)
