@@ -136,8 +136,11 @@ def own_names() -> Mapping[str, str]:
 
 def holds(folder: Path, name: str) -> bool:
     """Tell whether the module of ``module:Class`` is in a folder, as a file or as a package."""
-    top = name.partition(":")[0].partition(".")[0]
-    return bool(top) and ((folder / f"{top}.py").is_file() or (folder / top).is_dir())
+    parts = name.partition(":")[0].split(".")
+    place = folder.joinpath(*parts)
+    return all(part.isidentifier() for part in parts) and (
+        place.with_suffix(".py").is_file() or (place / "__init__.py").is_file()
+    )
 
 
 def own_class(name: str, folder: str | None = None) -> Callable[..., Any]:
@@ -149,7 +152,7 @@ def own_class(name: str, folder: str | None = None) -> Callable[..., Any]:
     Raises InputError where there is none, or its module cannot be imported.
     """
     module, colon, attribute = own_names().get(name, name).partition(":")
-    if not (module and colon and attribute):
+    if not (colon and all(part.isidentifier() for part in f"{module}.{attribute}".split("."))):
         known = f", or one of {', '.join(own_names())}" if own_names() else ""
         raise InputError(f'needs "module:Class"{known}')
     found = _imported(module, folder)

@@ -14,9 +14,10 @@ from click.testing import CliRunner
 from dualbend import load_run, load_scenario, make_run, predict, write_results
 from dualbend import registry as registered
 from dualbend.cli import main
-from dualbend.control.compliance.own import OwnComplianceConfig
+from dualbend.control.compliance.own import OwnComplianceConfig, OwnController
 from dualbend.errors import InputError
 from dualbend.report.page import report
+from dualbend.run.known_sheet import make_compliance
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import parse_scenario
 from dualbend.stability.gains import knobs, softened, turned
@@ -331,6 +332,20 @@ def test_a_file_that_names_another_class_has_none_of_the_options(tmp_path: Path)
         ),
         (["compliance=support.controllers:Raises"], "ValueError: no licence (controllers.py:"),
         (["compliance=support.controllers:CONTROL"], "has no CONTROL"),
+        (["compliance=support.controllers:Leaves"], "SystemExit: bye (controllers.py:"),
+        (["compliance=support..controllers:Turn"], 'needs "module:Class"'),
+        (
+            ["compliance=support.controllers:Typed", "compliance.options.weights=[1.0, 'a']"],
+            "compliance.options.weights",
+        ),
+        (
+            ["compliance=support.controllers:Typed", "compliance.options.weights=3"],
+            "compliance.options.weights = 3: must be a list of numbers",
+        ),
+        (
+            ["compliance=support.controllers:Typed", "compliance.options.mode=c"],
+            "compliance.options.mode = 'c': must be one of 'a', 'b'",
+        ),
         (["compliance=builtins:repr"], "makes a str, which cannot be called with an observation"),
     ],
 )
@@ -338,6 +353,17 @@ def test_what_is_no_controller_is_refused_with_its_key(settings: list[str], said
     message = refused(settings)
     assert said in message
     assert message.startswith(("fig6.toml with --set: compliance", "scenario 'fig6': compliance"))
+
+
+def test_options_of_types_that_no_file_holds_are_passed_as_they_are() -> None:
+    options = "{weights=[1,2],table=[[1.0],[2.0]],either='x',later=[3]}"
+    settings = ["compliance=support.controllers:Typed", f"compliance.options={options}"]
+    made = make_compliance(load_scenario("fig6", settings))
+    assert isinstance(made, OwnController)
+    assert getattr(made.controller, "given", ()) == ([1.0, 2.0], [[1.0], [2.0]], "x", [3], "a")
+    made = make_compliance(load_scenario("fig6", ["compliance=support.controllers:partly"]))
+    assert isinstance(made, OwnController)
+    assert getattr(made.controller, "b", 0.0) == 3.0
 
 
 def test_the_command_refuses_in_one_line(tmp_path: Path) -> None:
@@ -420,3 +446,15 @@ def test_a_sweep_in_two_processes_varies_its_options(
         here = make_run(load_scenario(str(folders[0] / "mine.toml"), settings)).run()
         assert found[i] == here.metrics["peak_moment"].value
     assert len(set(found.values())) == 3
+
+
+def test_a_scenario_that_was_moved_finds_the_module_that_was_moved_with_it(
+    folders: tuple[Path, Path], tmp_path: Path
+) -> None:
+    text = load_scenario(str(folders[0] / "mine.toml")).to_toml()
+    moved = tmp_path / "moved"
+    folders[0].rename(moved)
+    (moved / "scenario.toml").write_text(text)
+    found = load_scenario(str(moved / "scenario.toml")).compliance
+    assert isinstance(found, OwnComplianceConfig)
+    assert found.folder == str(moved)

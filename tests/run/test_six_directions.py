@@ -78,11 +78,13 @@ SHORT = ("path.end_rad=0.1", "motion.speed_rad_per_s=0.5", "motion.settle_s=0.2"
 SETTINGS = [*PERFECT, *SHORT, "motion.hold_s=2.0", 'compliance.complying=["left","right"]']
 
 
-def held(deviation: Vector) -> RunRecord:
+def held(deviation: Vector, told: list[Observation] | None = None) -> RunRecord:
     """Return a run of the light strip in which a deviation (2, 6) comes in and stays."""
 
     def constant(_: Scenario) -> Any:
         def control(observation: Observation) -> Vector:
+            if told is not None:
+                told.append(observation)
             return deviation * min(observation.time_s, 1.0)
 
         return control
@@ -109,6 +111,24 @@ def test_the_grips_go_where_the_deviation_is() -> None:
     np.testing.assert_allclose(moved[:, 1], [4e-3, -4e-3], atol=1e-4)
     np.testing.assert_allclose(moved[:, 2], [3e-3, 3e-3], atol=1e-4)
     np.testing.assert_allclose(moved[:, [0, 3]], 0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "deviation",
+    [
+        [0, 2e-3, 0, 0, 0, 0],
+        [0, 0, 0, 5e-3, 0, 0],
+        [0, 0, 0, 0, 0, 3e-3],
+        [0, 1e-3, 0, 2e-3, 0, 3e-3],
+    ],
+)
+def test_the_encoders_tell_where_the_grips_have_gone(deviation: list[float]) -> None:
+    """Limited by the servos' stiffness under the load of the sheet that is pulled askew: 5 %."""
+    told: list[Observation] = []
+    held(np.array([deviation] * 2), told)
+    assert np.abs(told[0].aside).max() < 1e-4
+    wanted = np.array([deviation[1], deviation[3], deviation[5]])
+    np.testing.assert_allclose(told[-1].aside, [wanted] * 2, atol=0.05 * wanted.max())
 
 
 def test_a_turn_about_the_vertical_is_felt_about_it() -> None:
@@ -192,3 +212,13 @@ def test_yielding_sideways_relieves_a_sheet_that_is_held_askew() -> None:
         assert result.outcome == "completed"
         found.append([result.metrics[name].value for name in names])
     np.testing.assert_allclose(found, [[0.908, 1.156, 0.476], [0.464, 0.532, 0.226]], atol=2e-3)
+
+
+def test_a_base_that_is_tilted_unknown_is_not_told() -> None:
+    """Encoders know nothing of it: the grips are tilted, and told to be straight."""
+    settings = [*SETTINGS, "imperfections.robot.base_roll_rad=0.01"]
+    run = make_run(load_scenario("exact", settings))
+    seen = run.cell.simulation.observe()
+    true = run.cell.simulation.roll_and_yaw()[0, :, 0]
+    assert np.abs(true).max() > 5e-3
+    assert np.abs(run.cell.aside(seen)[:, 1]).max() < 1e-3

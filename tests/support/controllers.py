@@ -1,6 +1,8 @@
 """Controllers of a user's own, as a scenario names them: ``support.controllers:Turn``."""
 
-from typing import Annotated, Any, ClassVar
+import functools
+import sys
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -59,6 +61,33 @@ class Fails:
         if self.gives is None:
             raise KeyError("gain")
         return self.gives
+
+
+class Typed(Still):
+    """Says of which types its options are, some of which no file can hold."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        weights: list[float] | None = None,
+        table: np.ndarray | None = None,
+        either: "float | str" = 1.0,
+        later: "Unknown" = 2,  # type: ignore[name-defined]  # noqa: F821
+        mode: Literal["a", "b"] = "a",
+    ) -> None:
+        super().__init__(scenario)
+        self.given = (weights, table, either, later, mode)
+
+
+partly = functools.partial(Turn, b=3.0)
+"""A factory without a name."""
+
+
+class Leaves(Still):
+    """Ends the program."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        sys.exit("bye")
 
 
 class Raises:

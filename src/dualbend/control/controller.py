@@ -15,9 +15,9 @@ from dualbend.control.force_torque import WrenchReading
 from dualbend.registry import raised_at
 from dualbend.types import Mask, PlanarPose, Vector, Wrench
 
-AT_REST: Vector = np.zeros(4)
-"""Place (4,) of bending frames that are carried nowhere."""
-AT_REST.flags.writeable = False
+IN_PLANE, AT_REST = np.zeros((2, 3)), np.zeros(4)
+"""Nothing out of the bending plane; the place of bending frames that are carried nowhere."""
+IN_PLANE.flags.writeable = AT_REST.flags.writeable = False
 
 
 class Observation(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,6 +41,8 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
     measured, nominal
         Poses (..., 2, 3) of the grips, each in its arm's bending frame: as the joints' encoders
         tell them, and as the path has them.
+    aside
+        y [m], roll and yaw [rad] (..., 2, 3) of the measured grips, out of the bending plane.
     place
         x, y, z [m] and turn about the vertical [rad] (4,) in the world of the frames in which an
         assembly has nominal poses, and executes deviations: the bending frames, carried with the
@@ -56,6 +58,7 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
     joints_rad: Vector
     measured: PlanarPose
     nominal: PlanarPose
+    aside: Vector = IN_PLANE
     place: Vector = AT_REST
 
     @classmethod
@@ -68,6 +71,7 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
         joints_rad: Vector,
         measured: PlanarPose,
         nominal: PlanarPose,
+        aside: Vector = IN_PLANE,
         place: Vector = AT_REST,
     ) -> Observation:
         """Return what a reading tells in the bending frames, turned by the measured slopes."""
@@ -82,6 +86,7 @@ class Observation(msgspec.Struct, frozen=True, kw_only=True):
             joints_rad=joints_rad,
             measured=measured,
             nominal=nominal,
+            aside=aside,
             place=place,
         )
 

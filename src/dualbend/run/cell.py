@@ -10,6 +10,7 @@ import numpy as np
 
 from dualbend.arm.pair import ArmPair
 from dualbend.beam import elastica
+from dualbend.control.alter import angles_of
 from dualbend.control.brake import Brakes
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.filters import LowPass
@@ -28,7 +29,13 @@ from dualbend.scene.cell import compose_cell, robots_only, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.sheet.model import ShellModel
 from dualbend.scene.sheet.strips import StripConfig
-from dualbend.scene.simulation import Observation, SensorSample, Simulation, tool_mass_and_centre
+from dualbend.scene.simulation import (
+    BENDING_TO_WORLD,
+    Observation,
+    SensorSample,
+    Simulation,
+    tool_mass_and_centre,
+)
 from dualbend.types import SIDES, Mask, Side, Vector
 
 
@@ -148,6 +155,16 @@ class RobotCell:
         The encoders' zeros and the bases' places are those that the controller believes in.
         """
         return seen.grip if self._believed is None else self._believed.grips(seen.q)
+
+    def aside(self, seen: Observation) -> Vector:
+        """Return y [m], roll and yaw [rad] of both grips (2, 3) as :meth:`measured` tells them.
+
+        Each in its bending frame; roll and yaw are those of :func:`dualbend.control.alter.turn`.
+        """
+        believed = self._believed
+        axes = self.simulation.grip_axes if believed is None else believed.grip_axes(seen.q)
+        roll_and_yaw = angles_of(axes * BENDING_TO_WORLD[:, :, np.newaxis])[:, ::2]
+        return np.column_stack((self.measured(seen)[:, 1], roll_and_yaw))
 
     def believed_axes(self, rotation: Vector, seen: Observation) -> Vector:
         """Return true axes (2, 3, 3) of the wrist sensors, a sample's, as the encoders tell them.

@@ -324,6 +324,7 @@ class Run:
             joints_rad=seen.q,
             measured=PlanarPose(self.cell.measured(seen).take(PLANAR, axis=1)),
             nominal=nominal,
+            aside=self.cell.aside(seen),
             place=place,
         )
         asked = time.perf_counter()

@@ -218,7 +218,7 @@ def kind_of(info: mi.Type) -> str:
     """Return what a value of a type is, in words."""
     if isinstance(info, mi.LiteralType):
         return _words(info.values)
-    if isinstance(info, mi.VarTupleType):
+    if isinstance(info, mi.VarTupleType | mi.ListType):
         item = plain(info.item_type)[0]
         if isinstance(item, mi.StructType):
             return f"list of {{ {', '.join(f.encode_name for f in item.fields)} }}"
@@ -257,7 +257,7 @@ def bounds_of(info: mi.Type) -> str:
     if isinstance(info, mi.TupleType):
         each = bounds_of(plain(info.item_types[0])[0])
         return f"each {each}" if each else ""
-    if isinstance(info, mi.VarTupleType | mi.StrType):
+    if isinstance(info, mi.VarTupleType | mi.ListType | mi.StrType):
         what = "characters" if isinstance(info, mi.StrType) else "entries"
         low, high = info.min_length, info.max_length
         if low is not None and low == high:

@@ -178,9 +178,11 @@ def _short_forms(tables: Mapping[str, Any], *folders: Path) -> dict[str, Any]:
     table = {KIND: said} if isinstance(said, str) else dict(said) if isinstance(said, dict) else {}
     if isinstance(kind := table.get(KIND), str) and (":" in kind or kind in own_names()):
         table = {**table, KIND: _OWN, _CONTROLLER: kind}
-    name = table.get(_CONTROLLER)
-    if isinstance(name, str) and "folder" not in table:
-        at = next((folder.resolve() for folder in folders if holds(folder, name)), None)
+    name, given = table.get(_CONTROLLER), table.get("folder")
+    if isinstance(name, str) and (given is None or isinstance(given, str)):
+        # A folder that a run's scenario names may be gone: then the file's own will do.
+        places = [*([] if given is None else [Path(given)]), *folders]
+        at = next((folder.resolve() for folder in places if holds(folder, name)), None)
         table |= {} if at is None else {"folder": str(at)}
     return {**found, _COMPLIANCE: table} if _CONTROLLER in table else found
 

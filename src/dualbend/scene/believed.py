@@ -34,6 +34,11 @@ class BelievedArms:
         self._place(q)
         return grip_poses(self._data.site_xpos[self._grips], self._data.site_xmat[self._grips])
 
+    def grip_axes(self, q: Vector) -> Vector:
+        """Return the axes of both grips in the world (2, 3, 3)."""
+        self._place(q)
+        return np.asarray(self._data.site_xmat[self._grips].reshape(2, 3, 3))
+
     def sensor_axes(self, q: Vector) -> Vector:
         """Return the axes of both wrist sensors in the world (2, 3, 3)."""
         self._place(q)

@@ -235,6 +235,11 @@ class Simulation:
         """Axes of both wrist sensors in the world (2, 3, 3)."""
         return np.asarray(self.data.site_xmat[self._ft_sites].reshape(2, 3, 3))
 
+    @property
+    def grip_axes(self) -> Vector:
+        """Axes of both grips in the world (2, 3, 3)."""
+        return np.asarray(self.data.site_xmat[self._grips].reshape(2, 3, 3))
+
     def roll_and_yaw(self) -> Vector:
         """Return (2, 2, 2): gripper and edge, left and right, roll and yaw [rad].
 

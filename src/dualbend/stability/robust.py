@@ -22,7 +22,7 @@ from dualbend.imperfection.config import PresetName
 from dualbend.imperfection.sheet import true_sheet
 from dualbend.scenario.scenario import Scenario, variants
 from dualbend.scenario.sheet import with_true_numbers
-from dualbend.stability.gains import Gains, Knob, acting_axes, turned
+from dualbend.stability.gains import Gains, Knob, acting_axes, softened, turned
 from dualbend.stability.limits import MORE, said
 from dualbend.stability.search import (
     MOST_TRIES,
@@ -126,7 +126,7 @@ def tune_robust(
     limits = [
         f"{axis} is limited by {_limit(search, worlds, found, axis, moments, looked)}"
         for axis in acting_axes(start, scenario.path.end_rad)
-    ]
+    ] or [f"all gains are limited by {_limit(search, worlds, found, None, moments, looked)}"]
     on_progress(1.0)
     return RobustTuning(
         compliance=found,
@@ -181,12 +181,14 @@ def _limit(
     search: Search,
     worlds: Mapping[str, Scenario],
     found: Gains,
-    axis: Literal["x", "rotation"],
+    axis: Literal["x", "rotation"] | None,
     moments: Mapping[str, Vector],
     seeds: Sequence[int],
 ) -> str:
-    """Return which imperfection keeps an axis from being more compliant, as a sentence."""
-    more = turned(found, Knob(axis, "compliance"), MORE, search.scenario.period_s)
+    """Return which imperfection keeps an axis, or all, from being more compliant, as a sentence."""
+    more = softened(found, MORE) if axis is None else turned(
+        found, Knob(axis, "compliance"), MORE, search.scenario.period_s
+    )
     assert more is not None
     margin = search.margin(more)
     if not margin.fulfils(search.required):

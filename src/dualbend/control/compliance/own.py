@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import msgspec
 import numpy as np
+from msgspec import inspect as mi
 from numpy.typing import ArrayLike
 
 from dualbend.control.clock import TransferFunction
@@ -104,7 +105,7 @@ class OwnController:
             try:
                 with beside(config.folder):
                     self.controller: Controller = made(scenario, **options)
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 raise InputError(f"{type(error).__name__}: {error}{raised_at(error)}") from error
             if not callable(self.controller):
                 name = type(self.controller).__name__
@@ -172,18 +173,17 @@ def option_struct(made: Callable[..., Any]) -> type[msgspec.Struct] | None:
 
     Raises InputError where it does not take the scenario first.
     """
+    name = getattr(made, "__name__", type(made).__name__)
     try:
         scenario, *options = inspect.signature(made).parameters.values()
-    except ValueError as error:
-        raise InputError(f"needs {made.__name__}(scenario, **options): it takes nothing") from error
+    except (TypeError, ValueError) as error:
+        raise InputError(f"needs {name}(scenario, **options)") from error
     if scenario.kind not in (scenario.POSITIONAL_ONLY, scenario.POSITIONAL_OR_KEYWORD):
-        raise InputError(f"needs {made.__name__}(scenario, **options)")
+        raise InputError(f"needs {name}(scenario, **options)")
     if any(option.kind == option.VAR_KEYWORD for option in options):
         return None
     fields = [_field(made, option) for option in options if option.kind != option.VAR_POSITIONAL]
-    return msgspec.defstruct(
-        made.__name__, fields, kw_only=True, frozen=True, forbid_unknown_fields=True
-    )
+    return msgspec.defstruct(name, fields, kw_only=True, frozen=True, forbid_unknown_fields=True)
 
 
 def _field(made: Callable[..., Any], option: inspect.Parameter) -> tuple[str, Any, Any]:
@@ -202,10 +202,24 @@ def _type_of(made: Callable[..., Any], option: inspect.Parameter) -> Any:  # noq
     try:
         names = getattr(function, "__globals__", {})
         hint = typing.get_type_hints(alone, globalns=names, include_extras=True)[option.name]
-        msgspec.convert(None, hint | None if not isinstance(hint, str) else Any)
+        known = _is_of_a_file(mi.type_info(hint))
     except (NameError, TypeError):
         return Any
-    return hint
+    return hint if known else Any
+
+
+def _is_of_a_file(info: mi.Type) -> bool:
+    """Tell whether a scenario can hold values of a type, and say what is wrong with others."""
+    if isinstance(info, mi.Metadata):
+        return _is_of_a_file(info.type)
+    if isinstance(info, mi.UnionType):
+        options = [option for option in info.types if not isinstance(option, mi.NoneType)]
+        return len(options) == 1 and _is_of_a_file(options[0])
+    if isinstance(info, mi.VarTupleType | mi.ListType):
+        return _is_of_a_file(info.item_type)
+    return isinstance(
+        info, mi.FloatType | mi.IntType | mi.BoolType | mi.StrType | mi.LiteralType | mi.AnyType
+    )
 
 
 def _arguments(made: Callable[..., Any], options: dict[str, Any]) -> dict[str, Any]:
