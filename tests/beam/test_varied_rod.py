@@ -9,14 +9,19 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from dualbend.beam import elastica
+from dualbend.beam.material import find_material
 from dualbend.beam.path import ExactPath
+from dualbend.beam.plastic import of_material
 from dualbend.beam.rod.basis import OUTPUT_POINTS, basis
 from dualbend.beam.rod.path_moment import worst_moment
 from dualbend.beam.rod.planar import solve_planar, solve_symmetric
+from dualbend.beam.rod.plastic import solve_plastic
+from dualbend.beam.rod.space import RodStiffness
 from dualbend.beam.rod.state import RodState
 from dualbend.beam.rod.tangent import sheet_tangent, sheet_wrench, solve_grips
 from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet, mean_thickness
 from dualbend.errors import InputError
+from dualbend.stability.plant.equilibrium import sheet_mass
 from support.sheets import STRIP
 
 L = STRIP.length_m
@@ -284,3 +289,38 @@ def test_the_surface_strain_is_that_of_each_section() -> None:
         # Analytic: κ t/2 of that hinge.
         expected = 0.01 * 20 / L * factor * T / 2.0
         assert sheet.surface_strain(angles)[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_tapered_sheet_stretches_by_the_mean_of_its_softness() -> None:
+    """Analytic: ∫ ds/t = L ln(t₁/t₀)/(t₁ − t₀)."""
+    sheet = sheet_of(TAPERED)
+    (_, thin), (_, thick) = TAPERED
+    softness = np.log(thick / thin) / (thick - thin)
+    expected = sheet.young_pa * sheet.width_m / softness
+    assert sheet.axial_stiffness_n == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("profile", [TAPERED, WAVY], ids=["tapered", "wavy"])
+def test_a_turned_sheet_has_the_inertia_of_its_thickness(
+    profile: tuple[tuple[float, float], ...],
+) -> None:
+    """Turned about its left grip as a whole, 2T/φ'² = ∫ ρ w t r² ds: by the shape, and by grips."""
+    sheet = sheet_of(profile)
+    state = solve_grips(sheet, np.array([-0.185, 0.0, 0.5] * 2))
+    x, z = state.x_m - state.x_m[0], state.z_m - state.z_m[0]
+    # Its right grip goes by φ (−z, x), x inward there; both slopes turn, the left one down less.
+    turned = np.array([0.0, 0.0, -1.0, z[-1], x[-1], 1.0])
+    found = turned @ sheet_mass(sheet, state) @ turned
+    per_length = sheet.density_kg_per_m3 * sheet.width_m * sheet.thickness_at(state.s_m)
+    expected = np.trapezoid(per_length * (x**2 + z**2), state.s_m)
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
+def test_rods_that_know_uniform_straight_sheets_alone_refuse_others() -> None:
+    yielding = replace(STRIP, plasticity=of_material(find_material("5052-H32")))
+    for sheet in (sheet_of(TAPERED), replace(STRIP, rest_curvature_per_m=0.1)):
+        with pytest.raises(InputError, match="of one thickness and straight at rest"):
+            RodStiffness.of(sheet)
+    curved = replace(yielding, rest_curvature_per_m=0.1)
+    with pytest.raises(InputError, match="of one thickness and straight at rest"):
+        solve_plastic(curved, 0.5, 0.19, 0.0)

@@ -10,6 +10,7 @@ import click
 import pytest
 from click.shell_completion import CompletionItem, ShellComplete, get_completion_class
 
+from dualbend.arm.catalog import JOINT_COUNT
 from dualbend.beam.material import library
 from dualbend.cli import main
 from dualbend.cli.completion import complete_materials, complete_settings
@@ -63,6 +64,8 @@ def test_every_key_of_a_scenario_is_reached_from_tab_to_tab() -> None:
         ("sheet.rigidity=p", ["sheet.rigidity=plate"]),
         ("sheet.model=s", ["sheet.model=strips", "sheet.model=shell"]),
         ("sheet.material=FR-4-", ["sheet.material=FR-4-crosswise"]),
+        ("robot.model=pu", ["robot.model=puma560"]),
+        ("robot.left.model=ur1", ["robot.left.model=ur10"]),
         ("filter=", ["filter=fir", "filter=iir", "filter=none"]),
         ("sheet.thickness_m=", ["sheet.thickness_m=none"]),
         ("seed=", []),
@@ -98,6 +101,22 @@ def test_a_file_may_stand_where_no_name_begins_so() -> None:
     for text in ("path.learned=lear", "sheet.material=mine/"):
         (item,) = offered(text)
         assert (item.value, item.type) == (text.partition("=")[2], "file")
+
+
+def test_every_arm_is_offered_and_none_loads_the_physics() -> None:
+    offered_arms = [text.partition("=")[2] for text in texts("robot.model=")]
+    assert sorted(offered_arms) == sorted(JOINT_COUNT)
+    code = """
+import sys
+from click.shell_completion import ShellComplete
+from dualbend.cli import main
+shell = ShellComplete(main, {}, "dualbend", "_DUALBEND_COMPLETE")
+for text in ("robot.model=", "sheet.material=", "sheet.", "path.learned="):
+    assert shell.get_completions(["run", "fig8", "--set"], text), text
+print([m for m in ("mujoco", "numpy", "scipy", "msgspec") if m in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
 
 
 def test_materials_are_completed_by_name() -> None:

@@ -106,6 +106,24 @@ def test_layers_may_be_of_ones_own_materials(folder: Path) -> None:
     assert parse_scenario(found.to_toml(), "scenario.toml") == found
 
 
+def test_materials_that_the_scenario_has_already_stay_beside_those_of_files(folder: Path) -> None:
+    lines = """
+layers = [
+    { material = "inline", thickness_m = 0.0002 },
+    { material = "petg.toml", thickness_m = 0.0002 },
+    { material = "inline", thickness_m = 0.0002 },
+]
+[[sheet.materials]]
+name = "inline"
+young_pa = 3e9
+poisson_ratio = 0.3
+density_kg_per_m3 = 1000.0
+"""
+    found = load_scenario(str(scenario_with(folder, lines))).sheet
+    assert [each.name for each in found.materials or ()] == ["inline", "PETG"]
+    assert found.sheet().density_kg_per_m3 == pytest.approx((2 * 1000 + 1270) / 3)
+
+
 def test_a_scenario_made_from_it_loads(folder: Path) -> None:
     path = scenario_with(folder, 'material = "petg.toml"')
     (folder / "new.toml").write_text(scenario_text("new", str(path)), encoding="utf-8")

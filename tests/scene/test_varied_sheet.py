@@ -16,6 +16,7 @@ from dualbend.run.make import make_run
 from dualbend.run.permanent_set import hinge_moments
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario, parse_scenario
+from dualbend.scenario.sheet import with_true_numbers
 from dualbend.scene.sheet.strips import StripConfig, add_sheet, bend_joint, strip_body, twist_joint
 from dualbend.stability.prediction import predict
 from dualbend.validation.cases.sheet import reference_loads, settled_loads
@@ -152,6 +153,42 @@ def test_the_strain_of_a_run_is_that_of_the_thickness_where_it_bends() -> None:
     bends = np.abs(run.trace.bends[row]) * 20 / L
     thickness = run.scenario.sheet.sheet().thickness_at((np.arange(20) + 0.5) * L / 20)
     assert surface_strain(run)[row] == pytest.approx((bends * thickness / 2.0).max())
+
+
+def test_the_strain_that_is_foreseen_is_that_of_the_run() -> None:
+    run = short(toml(DOUBLED), "sheet.model.hinges=40")
+    bends = run["phase"] >= 1
+    # It is largest beside the step, where the sheet is thin: half a strip away it is 5 % less.
+    assert surface_strain(run)[bends].max() == pytest.approx(nominal_strain(run.scenario), rel=0.07)
+
+
+def test_the_reference_on_the_path_is_that_of_the_sensing_grip() -> None:
+    """A symmetry: the sheet turned round, felt from the other side."""
+    mirrored = tuple((L - s, t) for s, t in reversed(TAPERED))
+    left, right = (
+        reference_on_path(load_scenario("exact", [toml(profile), f'compliance.sensing=["{side}"]']))
+        for profile, side in ((TAPERED, "left"), (mirrored, "right"))
+    )
+    np.testing.assert_allclose(left.y, right.y, rtol=1e-5, atol=1e-6)
+    other = reference_on_path(load_scenario("exact", [toml(mirrored)]))
+    assert np.abs(left.y - other.y).max() > 1.0  # mN m: the ends are not alike
+
+
+def test_sheets_as_drawn_are_thicker_everywhere() -> None:
+    config = load_scenario("exact", [toml(STEPPED)]).sheet
+    true = config.sheet().thicker(1.1)
+    drawn = with_true_numbers(config, true)
+    assert drawn.sheet().bending_stiffness_nm2 == pytest.approx(true.bending_stiffness_nm2)
+    assert drawn.sheet().profile == true.profile
+
+
+def test_jaws_begin_as_open_as_the_thicker_end() -> None:
+    cell = make_run(load_scenario("exact", ["imperfections=none", toml(TAPERED)])).cell
+    cell.reset()
+    model, data = cell.simulation.model, cell.simulation.data
+    jaws = [model.joint(i) for i in range(model.njnt) if "jaw" in model.joint(i).name]
+    assert jaws
+    assert {float(data.qpos[j.qposadr[0]]) for j in jaws} == {1.2 * T / 2.0}
 
 
 def test_the_true_sheet_is_thicker_everywhere_and_curved_by_both() -> None:

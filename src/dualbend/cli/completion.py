@@ -78,6 +78,8 @@ def _values(key: str, name: str, schema: dict[str, Any], begun: str) -> list[Com
         known += ["true", "false"] if option.get("type") == "boolean" else []
     if name == "material":
         known += _materials()
+    elif name == "model" and key.startswith("robot."):
+        known += _arms()
     offered = [value for value in dict.fromkeys(known) if value.startswith(begun)]
     if name in _FILES and not offered:
         return [CompletionItem(begun, type="file")]
@@ -124,6 +126,12 @@ def _materials() -> list[str]:
         return list(tomllib.loads(text))
     except _UNREADABLE:
         return []
+
+
+def _arms() -> list[str]:
+    from dualbend.arm.catalog import JOINT_COUNT
+
+    return list(JOINT_COUNT)
 
 
 class Bash(BashComplete):
