@@ -39,6 +39,9 @@ _NEAREST_M, _HIGHEST_M, _CEILING_M = 0.3, 1.5, 3.0
 _UPRIGHT = 0.5
 """Cosine of a base's tilt from which on it counts as standing, its negative as hanging."""
 
+_CLIMBED, _NOT_CLEAR = 6, 10.0
+"""Places to start from where none of the grid is allowed; score of what lacks more than margin."""
+
 _STEPS, _TURN_STEP_RAD, _POSTURE_STEP_RAD, _ROUNDS = (0.08, 0.03, 0.01), np.pi / 4, 0.25, 8
 _YAW = "base_yaw_rad"
 COLUMN_FROM_M: Final = 0.02
@@ -116,8 +119,19 @@ class _Search:
         found = [self._refined(start) for start in itertools.islice(free, _REFINED)]
         best = max(found, key=lambda one: float(one.score[0]), default=None)
         if best is None or best.score[0] <= 0.0:
+            best = self._climbed(coarse)
+        if best is None:
             raise InputError(self._refusal(coarse))
         return best
+
+    def _climbed(self, coarse: _Tried) -> _Tried | None:
+        """Return a place refined from one that lacks nothing but margin; None: there is none."""
+        order = np.argsort(-coarse.score, kind="stable")[:_CLIMBED]
+        for i in order[coarse.score[order] > -_NOT_CLEAR]:
+            one = self._rounded(self._refine(coarse[[i]]))
+            if one.score[0] > 0.0 and not self._touches_itself(one):
+                return one
+        return None
 
     def placement(self, best: _Tried) -> Placement:
         """Return a place that was tried, with what was given of it."""
@@ -226,7 +240,10 @@ class _Search:
         free = self._free(every).min(axis=(1, 2))
         worth = np.minimum(manipulability / self._best, free)
         allowed = (worst < _REACHED) & (margin >= MIN_MARGIN_RAD) & clear
-        score = np.where(allowed, worth, 0.0)
+        # What is not allowed is below 0, by the margin that it lacks where it lacks nothing else.
+        lacks = (worst >= _REACHED) | ~clear
+        short = np.where(lacks, -_NOT_CLEAR, margin - MIN_MARGIN_RAD)
+        score = np.where(allowed, worth, short)
         return _Tried(base=base, q=every, score=score, margin=margin, miss=worst)
 
     def _free(self, q: Vector) -> Vector:
