@@ -186,8 +186,10 @@ def _limit(
     seeds: Sequence[int],
 ) -> str:
     """Return which imperfection keeps an axis, or all, from being more compliant, as a sentence."""
-    more = softened(found, MORE) if axis is None else turned(
-        found, Knob(axis, "compliance"), MORE, search.scenario.period_s
+    more = (
+        softened(found, MORE)
+        if axis is None
+        else turned(found, Knob(axis, "compliance"), MORE, search.scenario.period_s)
     )
     assert more is not None
     margin = search.margin(more)
