@@ -346,14 +346,17 @@ def test_what_a_file_lacks_is_given_by_key(tmp_path: Path) -> None:
         torque_limit_n_m=torque,
         speed_limit_rad_per_s=speed,
         armature_kg_m2=rotor,
+        coulomb_n_m=rotor,
+        viscous_n_m_s_per_rad=speed,
         payload_kg=4.0,
         reach_m=0.9,
     )
     assert arm.torque_limit_n_m == torque
     assert arm.speed_limit_rad_per_s == speed
-    assert arm.armature_kg_m2 == rotor
+    assert arm.armature_kg_m2 == arm.coulomb_n_m == rotor
+    assert arm.viscous_n_m_s_per_rad == speed
     assert (arm.payload_kg, arm.reach_m) == (4.0, 0.9)
-    assert not [note for note in arm.assumed if "rotor" in note or "payload" in note]
+    assert arm.assumed == ()
     with pytest.raises(InputError, match="torque_limit_n_m has 7 values, the arm 6 joints"):
         loaded(lacking, tmp_path, torque_limit_n_m=(*torque, 1.0), speed_limit_rad_per_s=speed)
 

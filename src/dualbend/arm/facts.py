@@ -8,6 +8,7 @@ import msgspec
 
 from dualbend.types import Config, said
 
+_Friction = tuple[Annotated[float, msgspec.Meta(ge=0, le=1e6)], ...]
 _PerJoint = tuple[Annotated[float, msgspec.Meta(gt=0, le=1e6)], ...]
 
 
@@ -69,6 +70,18 @@ class ArmFacts(Config):
             ),
         ]
         | None
+    ) = None
+    coulomb_n_m: (
+        Annotated[
+            _Friction,
+            said(
+                "dry friction of the joints; none: as the file has it", min_length=6, max_length=8
+            ),
+        ]
+        | None
+    ) = None
+    viscous_n_m_s_per_rad: (
+        Annotated[_Friction, said("the same, by speed", min_length=6, max_length=8)] | None
     ) = None
     payload_kg: (
         Annotated[float, said("rated; none: what the torques hold", gt=0, le=1e4)] | None

@@ -53,6 +53,10 @@ _OUTWARD: Final = {
 }
 """The turn that puts z where an axis of the flange and its sign are."""
 
+_LISTS = (
+    *("torque_limit_n_m", "speed_limit_rad_per_s", "armature_kg_m2"),
+    *("coulomb_n_m", "viscous_n_m_s_per_rad"),
+)
 _INCLUDED = re.compile(rb"<include\s+file\s*=\s*[\"']([^\"']+)[\"']")
 
 _USUAL = {"torque": "10 to 300 N m", "speed": "2 to 3 rad/s"}
@@ -121,6 +125,11 @@ class ArmFile:
             if not max(*link.inertia, *link.fullinertia[:3]) > 0.0:
                 raise InputError(f"{self.file}: link {joint.child!r} moves and has no inertia")
         _add_drives(spec, limits, chain)
+        for i, joint in enumerate(spec.joints):
+            if facts.coulomb_n_m is not None:
+                joint.frictionloss = facts.coulomb_n_m[i]
+            if facts.viscous_n_m_s_per_rad is not None:
+                joint.damping = np.array([facts.viscous_n_m_s_per_rad[i], 0.0, 0.0])
         notes = tuple(f"link {name!r} moves and has no mass: 1 mg" for name in drawn.stubs)
         return FileArm(spec=spec, chain=chain, limits=limits, notes=notes)
 
@@ -173,7 +182,7 @@ def sha256_of(file: Path) -> str:
 def _given(limits: JointLimits, facts: ArmFacts) -> JointLimits:
     """Return a file's limits with what is given beside it in their place."""
     count = len(limits.torque_n_m)
-    for key in ("torque_limit_n_m", "speed_limit_rad_per_s", "armature_kg_m2"):
+    for key in _LISTS:
         values = getattr(facts, key)
         if values is not None and len(values) != count:
             raise InputError(f"robot.arm.{key} has {len(values)} values, the arm {count} joints")
