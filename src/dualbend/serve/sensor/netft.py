@@ -11,6 +11,9 @@ from dualbend.serve.port import bound, udp_socket
 from dualbend.serve.sensor import rdt
 from dualbend.types import Side, Vector
 
+_POLL_S = 0.02
+"""Until the page's thread sees that it shall end."""
+
 
 class NetFT:
     """One sensor, which sends a record a command cycle to the client that asked for it last.
@@ -32,7 +35,7 @@ class NetFT:
         ):
             self._web = _Web((address, http_port), page)
         self.http_port = int(self._web.server_address[1])
-        threading.Thread(target=self._web.serve_forever, daemon=True).start()
+        threading.Thread(target=self._web.serve_forever, args=(_POLL_S,), daemon=True).start()
         self._client: tuple[str, int] | None = None
         self._left: int | None = None
         self._sequence, self._cycle, self._status = 0, 0, 0
