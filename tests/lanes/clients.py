@@ -1,0 +1,155 @@
+"""Programs of other people, unmodified, bend the sheet over ``dualbend serve``.
+
+``python tests/lanes/clients.py --python ENV/bin/python``, where ENV has ``RSIPI==0.3.0
+pynetft==2.1.3 ABBRobotEGM==1.0.7``; what runs there imports nothing of this package.
+
+* RSIPI moves the left arm by what it is told, and pynetft reads what the trace has;
+* ABBRobotEGM with the paper's admittance makes the built-in controller's trace.
+
+A line each; the exit code is 1 where a statement is not true.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from dualbend import load_run
+from dualbend.types import SIDES
+
+PERFECT = ("--set", "imperfections=none", "--no-record")
+EGM = [
+    *("--set", "serve.left.robot=egm", "--set", "serve.right.robot=egm"),
+    *("--set", "serve.left.sensor=none", "--set", "serve.right.sensor=none"),
+]
+ALLOWED_NM, READ_NM, TURN_DEG = 0.05e-3, 1e-9, 0.3
+AXES = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
+
+RSIPI = """
+import json, time
+import pynetft
+from RSIPI.rsi_api import RSIAPI
+
+if __name__ == "__main__":
+    arms = [RSIAPI(f"rsi_{side}.xml", rsi_mode="absolute") for side in ("left", "right")]
+    for arm in arms:
+        arm.start()
+    read, clients = {"left": {}, "right": {}}, []
+    for side, port in (("left", 49162), ("right", 49163)):
+        at = pynetft.Config(sensor_host="127.0.0.1", rdt_port=port, http_port=port + 10)
+        note = lambda sample, side=side: read[side].setdefault(sample.ft_sequence, sample.wrench)
+        clients.append(pynetft.Client(at, queue_size=1000, callback=note))
+    for client in clients:
+        client.start()
+    for arm in arms:
+        arm.wait_for_connection()
+    arms[0].motion.update_cartesian(B=0.3)
+    count = -1
+    while count != len(read["left"]) or not count:
+        count = len(read["left"])
+        time.sleep(1.0)
+    json.dump(read, open("read.json", "w"))
+    for client in clients:
+        client.stop()
+    for arm in arms:
+        arm.stop()
+"""
+
+ABB = """
+import math
+from ABBRobotEGM import EGM
+
+AGE, MASS, X = 10.5 / 28.0, 0.61, 0.0478689
+arms, last = [EGM(6510), EGM(6511)], [None, None]
+wait_s = 30.0
+while True:
+    told = [arm.receive_from_robot(wait_s) for arm in arms]
+    if not all(ok for ok, _ in told):
+        break
+    wait_s = 3.0
+    for i, (_, state) in enumerate(told):
+        slope = 2.0 * math.atan2(state.cartesian.orient[2], state.cartesian.orient[0])
+        before, moment = last[i] or (slope, None)
+        then, force = slope - AGE * (slope - before), state.measured_force
+        weight = -MASS * 9.81 * math.cos(then)
+        now = force[4] + X * weight + 0.12 * (force[2] - weight)
+        mean = now if moment is None else (now + moment) / 2.0
+        last[i], planned = (slope, now), state.cartesian_planned
+        turn = math.radians(2.0 * mean)
+        half = math.atan2(planned.orient[2], planned.orient[0]) + turn / 2.0
+        arms[i].send_to_robot_cart(planned.pos, (math.cos(half), 0.0, math.sin(half), 0.0))
+"""
+
+
+@contextmanager
+def serving(folder: Path, *arguments: str) -> Iterator[None]:
+    """Serve ``fig8`` into ``folder/run``, and wait for its end."""
+    command = [sys.executable, "-m", "dualbend", "serve", "fig8", "--out", "run", *PERFECT]
+    with subprocess.Popen(
+        [*command, *arguments], cwd=folder, stdout=subprocess.PIPE, text=True
+    ) as cell:
+        assert cell.stdout is not None
+        for line in cell.stdout:
+            if line.startswith("start your controller"):
+                break
+        yield
+        cell.communicate(timeout=120.0)
+
+
+def client(python: str, folder: Path, code: str) -> None:
+    """Run a program of the other environment."""
+    (folder / "client.py").write_text(code, encoding="utf-8")
+    subprocess.run([python, "client.py"], cwd=folder, check=True, timeout=120.0, env={})
+
+
+def rsipi(python: str, folder: Path) -> dict[str, float]:
+    """Return how far the arm's turn and the readings are from what was sent and recorded."""
+    with serving(folder, "--configs", "."):
+        client(python, folder, RSIPI)
+    run, read = load_run(folder / "run"), json.loads((folder / "read.json").read_text())
+    turns = np.unique(run["left_deviation_alpha"])
+    worst = max(
+        abs(value - run[f"{side}_sensor_{axis}"][int(number) - 1])
+        for side in SIDES
+        for number, wrench in read[side].items()
+        for axis, value in zip(AXES, wrench, strict=True)
+    )
+    missed = float(np.abs(turns - np.radians([0.0, TURN_DEG])).max()) if len(turns) == 2 else np.inf
+    return {"RSIPI, turn [rad]": missed, "pynetft, reading [N, N m]": worst}
+
+
+def abb(python: str, folder: Path) -> dict[str, float]:
+    """Return how far the trace is from the built-in controller's."""
+    with serving(folder, *EGM):
+        client(python, folder, ABB)
+    command = [sys.executable, "-m", "dualbend", "run", "fig8", "--out", "built-in", *PERFECT]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    run, built_in = load_run(folder / "run"), load_run(folder / "built-in")
+    names = [f"{side}_true_moment_y" for side in SIDES]
+    return {"ABBRobotEGM, moment [N m]": max(np.abs(run[n] - built_in[n]).max() for n in names)}
+
+
+def main() -> int:
+    """Run both and compare with what is allowed."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--python", required=True, help="interpreter that has the clients")
+    python, failed = parser.parse_args().python, False
+    for case in (rsipi, abb):
+        with tempfile.TemporaryDirectory() as folder:
+            for name, value in case(python, Path(folder)).items():
+                allowed = ALLOWED_NM if "moment" in name else READ_NM
+                failed |= not value <= allowed
+                print(f"{name}: {value:.3g} of {allowed:g}")
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
