@@ -234,6 +234,8 @@ def test_another_address_than_a_loopback_one_is_said(run: Run) -> None:
         assert len(tools) == 2
         cell._address = "192.168.7.1"
         assert "open to the network: 192.168.7.1 is no loopback address" in cell.told()
+    with pytest.raises(InputError, match="--address is empty"):
+        ServedCell(run, "")
 
 
 def test_mutated_answers_over_the_port_end_in_a_count(run: Run) -> None:

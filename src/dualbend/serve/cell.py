@@ -40,6 +40,9 @@ class ServedCell:
             raise InputError(
                 f"scenario {scenario.name!r}: task.kind = {scenario.task.kind!r}; served is bending"
             )
+        for option, given in (("--address", address), ("--controller", controller)):
+            if not given:  # which would be every address of the machine
+                raise InputError(f'{option} is empty; give an address, "{LOOPBACK}" for example')
         self._ready, self._address, self._controller = run, address, controller
         self.config = scenario.serve or ServeConfig()
         if all(self.config.own(side).robot == "none" for side in SIDES):
@@ -91,8 +94,8 @@ class ServedCell:
             lines.append(_told_of_tool(self._ready, scenario, side))
         if not scenario.compliance.sensing:
             lines.append("no sensor: no arm senses (compliance.sensing)")
-        for where in {self._address, self._controller}:
-            if not where.startswith("127."):
+        for where in dict.fromkeys((self._address, self._controller)):
+            if where != "localhost" and not where.startswith("127."):
                 lines.append(f"open to the network: {where} is no loopback address")
         return lines
 
