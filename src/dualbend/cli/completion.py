@@ -76,12 +76,13 @@ def _values(key: str, name: str, schema: dict[str, Any], begun: str) -> list[Com
         known += map(str, option.get("enum", ()))
         known += [str(option["const"])] if "const" in option else []
         known += ["true", "false"] if option.get("type") == "boolean" else []
+    is_arm = name == "model" and key.startswith("robot.")
     if name == "material":
         known += _materials()
-    elif name == "model" and key.startswith("robot."):
+    elif is_arm:
         known += _arms()
     offered = [value for value in dict.fromkeys(known) if value.startswith(begun)]
-    if name in _FILES and not offered:
+    if (name in _FILES or is_arm) and not offered:
         return [CompletionItem(begun, type="file")]
     return [CompletionItem(f"{key}={value}") for value in offered]
 
