@@ -80,7 +80,7 @@ def _values(key: str, name: str, schema: dict[str, Any], begun: str) -> list[Com
     if name == "material":
         known += _materials()
     elif is_arm:
-        known += _arms()
+        known = [name for option in _options(schema) for name in option.get("examples", ())]
     offered = [value for value in dict.fromkeys(known) if value.startswith(begun)]
     if (name in _FILES or is_arm) and not offered:
         return [CompletionItem(begun, type="file")]
@@ -93,8 +93,9 @@ def _keys(above: str) -> dict[str, dict[str, Any]]:
     for name in filter(None, above.split(".")):
         options = list(_options(level.get(name, {})))
         level = {}
-        for option in options:
-            level = {**option.get("properties", {}), **level}
+        # A key that several kinds have may be a section of another content in each.
+        for key, schema in (item for o in options for item in o.get("properties", {}).items()):
+            level[key] = {"anyOf": [level[key], schema]} if key in level else schema
     return dict(level)
 
 
@@ -127,12 +128,6 @@ def _materials() -> list[str]:
         return list(tomllib.loads(text))
     except _UNREADABLE:
         return []
-
-
-def _arms() -> list[str]:
-    from dualbend.arm.catalog import JOINT_COUNT
-
-    return list(JOINT_COUNT)
 
 
 class Bash(BashComplete):
