@@ -80,7 +80,8 @@ def _values(key: str, name: str, schema: dict[str, Any], begun: str) -> list[Com
     if name == "material":
         known += _materials()
     elif is_arm:
-        known = [name for option in _options(schema) for name in option.get("examples", ())]
+        examples = (name for option in _options(schema) for name in option.get("examples", ()))
+        known += [name for name in examples if "." not in name]
     offered = [value for value in dict.fromkeys(known) if value.startswith(begun)]
     if (name in _FILES or is_arm) and not offered:
         return [CompletionItem(begun, type="file")]
