@@ -32,6 +32,7 @@ ROOMS = (
     "report",
     "task",
     "env",
+    "serve",
     "study",
     "check",
     "validation",

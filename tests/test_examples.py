@@ -129,6 +129,10 @@ def notebook(name: str) -> list[dict[str, Any]]:
     return cells
 
 
+CLIENTS = {"own_client"}
+"""Programs that need a served cell beside them: tests/serve runs them."""
+
+
 def test_every_example_is_run() -> None:
-    assert {path.stem for path in EXAMPLES.glob("*.py")} == set(CHECKS)
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*CHECKS, *CLIENTS}
     assert {path.stem for path in EXAMPLES.glob("*.ipynb")} == set(NOTEBOOKS)

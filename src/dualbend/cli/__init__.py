@@ -7,7 +7,18 @@ Heavy imports happen inside the commands.
 
 import click
 
-from dualbend.cli import assembly, check, files, learning, report, runs, stability, sweep, theory
+from dualbend.cli import (
+    assembly,
+    check,
+    files,
+    learning,
+    report,
+    runs,
+    serve,
+    stability,
+    sweep,
+    theory,
+)
 from dualbend.cli.common import Commands, examples
 
 
@@ -21,7 +32,7 @@ def main() -> None:
     """Two position-controlled arms bend a flexible sheet."""
 
 
-for _module in (assembly, files, check, learning, report, runs, stability, sweep, theory):
+for _module in (assembly, files, check, learning, report, runs, serve, stability, sweep, theory):
     for _command in vars(_module).values():
         if isinstance(_command, click.Command):
             main.add_command(_command)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -73,19 +74,35 @@ def run(
     if scenario is None:
         _which_scenario(asked=not _any_given())
         return
+    carry_out(load(scenario, settings, seed), out, record=record, address=address)
+
+
+def carry_out(
+    scenario: Scenario,
+    out: Path | None,
+    *,
+    record: bool,
+    address: str | None = None,
+    drive: Callable[[Run, Callable[[int], None]], RunRecord] | None = None,
+) -> None:
+    """Run a scenario and write its results, as ``dualbend run`` does.
+
+    ``drive`` goes from the ready run to its end in the place of the scenario's own controller, of
+    which nothing is predicted then.
+    """
     from dualbend.evaluation.warnings import scenario_warnings
     from dualbend.interrupts import uninterrupted
     from dualbend.run.disk.folder import run_folder
     from dualbend.run.make import make_run
 
-    loaded = load(scenario, settings, seed)
-    with run_folder(out if out is not None else Path("runs") / loaded.name) as kept:
-        ready = make_run(loaded)
+    with run_folder(out if out is not None else Path("runs") / scenario.name) as kept:
+        ready = make_run(scenario)
         live = nullcontext() if address is None else _live(ready, address, kept, record=record)
-        show_warnings(loaded.name, scenario_warnings(loaded))
-        _tell_stability(ready.scenario)
+        show_warnings(scenario.name, scenario_warnings(scenario))
+        if drive is None:
+            _tell_stability(ready.scenario)
         with (
-            progress_bar(ready.cycles, loaded.name) as bar,
+            progress_bar(ready.cycles, scenario.name) as bar,
             kept.log(ready) as keep,
             live as picture,
         ):
@@ -98,7 +115,7 @@ def run(
 
             # A garbage collection in the loop has nothing to find in what was there before.
             gc.freeze()
-            result = ready.run(on_cycle=step)
+            result = ready.run(on_cycle=step) if drive is None else drive(ready, step)
             gc.unfreeze()
         if result.signal and (kept.whole or not result.trace.rows):
             _leave_the_log(result, kept)

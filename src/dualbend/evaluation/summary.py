@@ -15,6 +15,7 @@ from dualbend.run.record import RunRecord, Summary
 def summarise(result: RunRecord) -> Summary:
     """Return the numbers of a run, as ``summary.json`` holds them."""
     scenario = result.scenario
+    served = {"ports": list(result.ports)} if result.ports else {}
     return Summary(
         scenario=scenario.name,
         seed=scenario.seed,
@@ -27,5 +28,5 @@ def summarise(result: RunRecord) -> Summary:
         sheet=msgspec.to_builtins(sheet_report(scenario)),
         metrics=result.metrics,
         arms=msgspec.to_builtins(joint_limit_margins(arm_pair(scenario), result.trace.setpoints)),
-        tables=result.task.part("tables")(result),
+        tables={**result.task.part("tables")(result), **served},
     )

@@ -264,9 +264,7 @@ def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
             repeat=scenario.repeat,
         )
     )
-    tools = [
-        errors.believed_tool(seed, side, *tool_mass_and_centre(model, side)) for seed, side in named
-    ]
+    tools = [believed_tool(scenario, model, side) for _, side in named]
     chain = WrenchChain(
         sensor,
         ToolGravityCompensation([mass for mass, _ in tools], [centre for _, centre in tools]),
@@ -274,6 +272,15 @@ def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
         np.eye(3),
     )
     return WristSensors(chain, arms)
+
+
+def believed_tool(scenario: Scenario, model: mujoco.MjModel, side: Side) -> tuple[float, Vector]:
+    """Return mass [kg] and centre (3,) [m], in the sensor's axes, of what a wrist sensor bears.
+
+    As the controller believes them.
+    """
+    errors = scenario.imperfections.sensor
+    return errors.believed_tool(scenario.seed, side, *tool_mass_and_centre(model, side))
 
 
 def make_link(scenario: Scenario, cell: RobotCell) -> CommandLink | None:

@@ -56,7 +56,8 @@ class Run:
     sample : what the sensors say at the start of the next cycle
     identity : what names the run in every file; begun again, it is the same run
     learned : what was learned before and corrects the path, in words; "" where nothing does
-    steered : a deviation has come from outside, in the controller's place
+    steered : a deviation has come from outside, in the controller's place; ``outside`` names it
+    reading : of the sensors in this cycle
     """
 
     trace: TraceRecorder
@@ -66,6 +67,8 @@ class Run:
     checked_poses: Vector
     learned: str = ""
     steered = False
+    outside = "dualbend.Cell.step"
+    reading: WrenchReading
     compliance: Callable[[Scenario], Controller] = staticmethod(make_compliance)
 
     def __init__(self, scenario: Scenario, cell: RobotCell) -> None:
@@ -242,7 +245,7 @@ class Run:
 
     def _controlled_by(self) -> str:
         if self.steered:
-            return "dualbend.Cell.step"
+            return self.outside
         return "" if self.compliance is make_compliance else self._named
 
     @property
@@ -315,6 +318,7 @@ class Run:
         ``place`` (4,) of x, y, z [m] and a turn [rad]. Raises ProtectiveStop where a sensor is at
         its range's end, or tells nothing new, for longer than the guard allows.
         """
+        self.reading = reading
         self.trace.record_reading(reading)
         self._sensor_guard.check(reading.clipped, reading.fresh)
         observed = Observed.of(

@@ -120,6 +120,7 @@ class RunRecord:
     learned : what was learned on earlier sheets and corrects the path, in words
     laid : of each sheet of an assembly, (4, 3) as its holes lie over their pins [m]
     lessons : of each sheet of an assembly, what it was begun with and what was found, a row each
+    ports : of a served run, what went to and came from each port, a row each
     contacts : those that the task does not intend, of a run in memory
     scene : model and stiffness, of a run in memory
     folder : from which the run was read back
@@ -138,6 +139,7 @@ class RunRecord:
     wall_time_s: float
     laid: tuple[Vector, ...] = ()
     lessons: tuple[TableRow, ...] = ()
+    ports: tuple[TableRow, ...] = ()
     contacts: tuple[Contact, ...] = ()
     scene: Scene | None = None
     folder: Path | None = None

@@ -29,6 +29,7 @@ from dualbend.scenario.sections import (
     ExpectConfig,
     PhysicsConfig,
     RobotConfig,
+    ServeConfig,
     check_arms,
     check_joint_counts,
 )
@@ -74,6 +75,7 @@ class Scenario(Config):
     imperfections: ImperfectionsConfig = ImperfectionsConfig()
     physics: PhysicsConfig = PhysicsConfig()
     expect: ExpectConfig = ExpectConfig()
+    serve: ServeConfig | None = None
 
     def __post_init__(self) -> None:
         """Refuse a run too long to be meant, joints that no arm has, yielding that must not be."""

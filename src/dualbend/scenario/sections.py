@@ -1,4 +1,4 @@
-"""Sections of a scenario: robot, physics step, expected outcome."""
+"""Sections of a scenario: robot, physics step, expected outcome, served ports."""
 
 from __future__ import annotations
 
@@ -264,3 +264,66 @@ class ExpectConfig(Config):
     outcome: Annotated[
         tuple[Outcome, ...], said("how the run may end", min_length=1, max_length=4)
     ] = ("completed",)
+
+
+class ServedArmConfig(Config):
+    """What one arm of a served cell speaks, and on which ports."""
+
+    robot: Annotated[
+        Literal["rsi", "none"], said("KUKA RSI; none: the arm follows its nominal path")
+    ] = "rsi"
+    robot_port: (
+        Annotated[
+            int,
+            said(
+                "on which the controller waits for the robot; none: 49152 left, 49153 right",
+                ge=1,
+                le=65535,
+            ),
+        ]
+        | None
+    ) = None
+    sensor: Annotated[
+        Literal["netft", "none"], said("ATI Net F/T, of an arm that senses; none: no port")
+    ] = "netft"
+    sensor_port: (
+        Annotated[
+            int,
+            said("of the sensor's records; none: 49162 left, 49163 right; 0: any", ge=0, le=65535),
+        ]
+        | None
+    ) = None
+    http_port: (
+        Annotated[
+            int,
+            said("of the sensor's page; none: 49172 left, 49173 right; 0: any", ge=0, le=65535),
+        ]
+        | None
+    ) = None
+
+
+class ServeConfig(Config):
+    """How ``dualbend serve`` opens the cell, with these defaults also where the section is absent.
+
+    The bounds are assumed.
+    """
+
+    left: ServedArmConfig = ServedArmConfig()
+    right: ServedArmConfig = ServedArmConfig()
+    correction: Annotated[
+        Literal["absolute", "relative"],
+        said("an answer is the whole deviation of its cycle, or what is added to the last one"),
+    ] = "absolute"
+    limit_m: Annotated[float, said("largest deviation along an axis", gt=0, le=1)] = 0.05
+    limit_rad: Annotated[float, said("largest deviation about an axis", gt=0, le=1)] = 0.2
+    step_m: Annotated[float, said("its largest change in a cycle", gt=0, le=1)] = 0.005
+    step_rad: Annotated[float, said("its largest change in a cycle", gt=0, le=1)] = 0.05
+    late_limit: Annotated[
+        int, said("wrong answers in a row at which the robot stops", ge=1, le=1_000_000)
+    ] = 100
+    wait_s: Annotated[float, said("for the first answer", gt=0, le=86400)] = 60.0
+    timeout_s: Annotated[float, said("for every later answer", gt=0, le=3600)] = 10.0
+
+    def own(self, side: Side) -> ServedArmConfig:
+        """Return what one side speaks."""
+        return self.left if side == "left" else self.right

@@ -1,0 +1,76 @@
+"""The command that opens a cell to a controller of the user's."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from dualbend.cli.common import PATH, SCENARIO, SEED, SETTINGS, command, load
+from dualbend.cli.runs import carry_out
+from dualbend.errors import writing
+from dualbend.files import write_whole
+
+if TYPE_CHECKING:
+    from dualbend.run.loop import Run
+    from dualbend.run.record import RunRecord
+
+_LOOPBACK = "127.0.0.1"
+
+
+@command(
+    "dualbend serve fig8 --out runs/served",
+    "dualbend serve fig8 --set serve.correction=relative --configs rsi",
+)
+@SCENARIO
+@click.option("--out", type=PATH, help="Folder for the results.")
+@SETTINGS
+@SEED
+@click.option("--record/--no-record", default=True, help="Write run.rrd for the rerun viewer.")
+@click.option(
+    "--address",
+    default=_LOOPBACK,
+    show_default=True,
+    help="Where the sensors listen; another one opens them to the network.",
+)
+@click.option(
+    "--controller",
+    default=_LOOPBACK,
+    show_default=True,
+    help="Where the robots send to: the address of your controller.",
+)
+@click.option("--configs", type=PATH, help="Folder for the RSI configuration of each arm.")
+def serve(
+    scenario: str,
+    out: Path | None,
+    settings: tuple[str, ...],
+    seed: int | None,
+    record: bool,
+    address: str,
+    controller: str,
+    configs: Path | None,
+) -> None:
+    """Run a scenario by your own controller's answers.
+
+    Arms and sensors speak the protocols of real ones; the robot waits for each answer. The
+    results are those of dualbend run.
+    """
+
+    def drive(ready: Run, on_cycle: Callable[[int], None]) -> RunRecord:
+        from dualbend.serve.cell import ServedCell
+
+        cell = ServedCell(ready, address, controller)
+        if configs is not None:
+            with writing(configs, "--configs"):
+                configs.mkdir(parents=True, exist_ok=True)
+                for name, text in cell.configurations().items():
+                    write_whole(configs / name, text)
+        with cell.open() as lockstep:
+            for line in cell.told():
+                click.echo(line)
+            click.echo("start your controller now: the cell waits for its first answer")
+            return lockstep.run(on_cycle)
+
+    carry_out(load(scenario, settings, seed), out, record=record, drive=drive)

@@ -1,0 +1,1 @@
+"""The cell as a server: its arms and sensors speak the protocols of real ones."""

@@ -1,0 +1,106 @@
+"""A served cell: the ports of a scenario, opened, and the run that they steer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from dualbend.errors import InputError
+from dualbend.run.cell import believed_tool
+from dualbend.run.loop import Run
+from dualbend.scenario.scenario import Scenario
+from dualbend.scenario.sections import ServeConfig
+from dualbend.serve.lockstep import LockStep
+from dualbend.serve.port import RobotPort, SensorPort
+from dualbend.serve.robot.rsi import RsiRobot
+from dualbend.serve.robot.telegram import configuration
+from dualbend.serve.sensor.netft import NetFT
+from dualbend.types import SIDES, Side
+
+LOOPBACK = "127.0.0.1"
+
+_FIRST = {
+    "left": {"robot": 49152, "sensor": 49162, "http": 49172},
+    "right": {"robot": 49153, "sensor": 49163, "http": 49173},
+}
+
+
+class ServedCell:
+    """A run whose deviations come from controllers outside; :meth:`open` opens its ports.
+
+    ``address``: where the sensors listen; ``controller``: where the robots send to. Raises
+    InputError where the scenario has nothing to serve.
+    """
+
+    def __init__(self, run: Run, address: str = LOOPBACK, controller: str = LOOPBACK) -> None:
+        scenario = run.scenario
+        if scenario.task.kind != "bending":
+            raise InputError(
+                f"scenario {scenario.name!r}: task.kind = {scenario.task.kind!r}; served is bending"
+            )
+        self._ready, self._address, self._controller = run, address, controller
+        self.config = scenario.serve or ServeConfig()
+        if all(self.config.own(side).robot == "none" for side in SIDES):
+            raise InputError("serve.left.robot and serve.right.robot are none: nothing is steered")
+
+    @contextmanager
+    def open(self) -> Iterator[LockStep]:
+        """Open the ports, for a run in lock step."""
+        period_s = self._ready.scenario.period_s
+        with ExitStack() as stack:
+            self.robots: list[RobotPort] = []
+            self.sensors: list[SensorPort] = []
+            for side in SIDES:
+                own = self.config.own(side)
+                if own.robot == "rsi":
+                    robot = RsiRobot(side, self._controller, self.robot_port(side), period_s)
+                    stack.callback(robot.close)
+                    self.robots.append(robot)
+                if own.sensor == "netft" and side in self._ready.scenario.compliance.sensing:
+                    port = _or(own.sensor_port, _FIRST[side]["sensor"])
+                    http = _or(own.http_port, _FIRST[side]["http"])
+                    sensor = NetFT(side, self._address, port, http, period_s)
+                    stack.callback(sensor.close)
+                    self.sensors.append(sensor)
+            yield LockStep(self._ready, self.config, self.robots, self.sensors)
+
+    def robot_port(self, side: Side) -> int:
+        """Return the port on which a side's controller waits for the robot."""
+        return _or(self.config.own(side).robot_port, _FIRST[side]["robot"])
+
+    def told(self) -> list[str]:
+        """Return what listens where, in which units and frames, a line each; of open ports."""
+        scenario, lines = self._ready.scenario, []
+        for port in (*self.robots, *self.sensors):
+            lines += port.told()
+        for sensor in self.sensors:
+            lines.append(_told_of_tool(self._ready, scenario, sensor.side))
+        if not self.sensors:
+            lines.append("no sensor: no arm senses (compliance.sensing), or none has a port")
+        for where in {self._address, self._controller}:
+            if not where.startswith("127."):
+                lines.append(f"open to the network: {where} is no loopback address")
+        return lines
+
+    def configurations(self) -> dict[str, str]:
+        """Return the RSI Ethernet configuration of each served robot, by a file's name."""
+        return {
+            f"rsi_{side}.xml": configuration(self._controller, self.robot_port(side))
+            for side in SIDES
+            if self.config.own(side).robot == "rsi"
+        }
+
+
+def _told_of_tool(run: Run, scenario: Scenario, side: Side) -> str:
+    """Return what a controller needs to take the tool's weight off a reading."""
+    mass_kg, centre_m = believed_tool(scenario, run.cell.simulation.model, side)
+    centre = ", ".join(f"{value:.6f}" for value in centre_m)
+    age_s = max(scenario.sensor.latency_steps(scenario.step_s), 1) * scenario.step_s
+    return (
+        f"{side} tool: {mass_kg:.6f} kg, centre at ({centre}) m in the sensor's axes; grip centre "
+        f"at x = {scenario.sensor.lever_arm_m:g} m; a reading is {1e3 * age_s:.4g} ms old"
+    )
+
+
+def _or(given: int | None, otherwise: int) -> int:
+    return otherwise if given is None else given

@@ -1,0 +1,1 @@
+"""What an arm of a served cell speaks, a module a protocol."""

@@ -1,0 +1,105 @@
+"""Lock step: a controller in a process of its own makes the trace of the built-in one."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from dualbend import load_scenario, make_run
+from dualbend.run.cell import believed_tool
+from dualbend.run.loop import Run
+from dualbend.run.record import RunRecord
+from dualbend.run.trace import WALL_CLOCK_COLUMNS
+from dualbend.types import SIDES
+from support.served import controllers, example_client, served
+
+SHORT = ("motion.speed_rad_per_s=1.0", "path.end_rad=0.3", "motion.hold_s=0.1")
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return make_run(load_scenario("fig8", SHORT))
+
+
+def tools(run: Run) -> list[tuple[float, ...]]:
+    model, told = run.cell.simulation.model, []
+    for side in SIDES:
+        mass_kg, centre_m = believed_tool(run.scenario, model, side)
+        told.append((mass_kg, float(centre_m[0]), float(centre_m[2])))
+    return told
+
+
+def by_example(run: Run) -> RunRecord:
+    with served(run) as (cell, go), example_client(cell, tools(run)):
+        return go()
+
+
+def repeated(correction: str) -> Callable[[bytes], list[bytes]]:
+    """Return what answers each telegram with the same correction."""
+
+    def answer(telegram: bytes) -> list[bytes]:
+        ipoc = telegram.partition(b"<IPOC>")[2].partition(b"<")[0].decode()
+        return [f"<Sen><RKorr {correction}/><IPOC>{ipoc}</IPOC></Sen>".encode()]
+
+    return answer
+
+
+@pytest.fixture(scope="module")
+def by_client(run: Run) -> RunRecord:
+    return by_example(run)
+
+
+def test_the_example_client_makes_the_built_in_controllers_trace(
+    run: Run, by_client: RunRecord
+) -> None:
+    """Cycle by cycle: one cycle of delay more would be some 100 mN m here."""
+    built_in = run.run()
+    assert by_client.outcome == built_in.outcome == "completed"
+    for side in SIDES:
+        name = f"{side}_true_moment_y"
+        difference = np.abs(by_client[name] - built_in[name])
+        assert np.max(difference) < 0.05e-3  # of the pose at a reading's time, between two cycles
+        assert np.max(np.abs(np.diff(built_in[name]))) > 5e-3
+    assert by_client.controller == "dualbend serve"
+
+
+def test_lock_step_twice_is_one_trace_bit_for_bit(run: Run, by_client: RunRecord) -> None:
+    again = by_example(run)
+    for name, _ in again.trace.columns:
+        if name not in WALL_CLOCK_COLUMNS:
+            np.testing.assert_array_equal(again[name], by_client[name], err_msg=name)
+
+
+def test_each_cycle_is_asked_and_answered_once(by_client: RunRecord) -> None:
+    rows = by_client.trace.rows
+    counts = {row["port"]: row for row in by_client.ports}
+    for side in SIDES:
+        assert counts[f"{side} robot"]["answered"] == rows
+        assert counts[f"{side} robot"]["wrong_ipoc"] == 0
+        assert counts[f"{side} sensor"]["requests"] == 1
+    assert by_client.summary.tables["ports"] == list(by_client.ports)
+
+
+def test_a_correction_is_the_deviation_of_its_own_arm(run: Run) -> None:
+    """X in mm, B in degrees; the left arm's and the right one's are not mixed up."""
+    with (
+        served(run) as (cell, go),
+        controllers(cell, repeated('X="0.02" B="0.25"'), repeated('X="0" Z="-0.01"')),
+    ):
+        record = go()
+    assert record.outcome == "completed", record.reason
+    assert np.all(record["left_deviation_x"] == 0.02e-3)
+    assert np.all(record["left_deviation_alpha"] == np.radians(0.25))
+    assert np.all(record["right_deviation_x"] == 0.0)
+    assert np.all(record["right_deviation_alpha"] == 0.0)
+
+
+def test_relative_corrections_add_up(run: Run) -> None:
+    with (
+        served(run, correction="relative") as (cell, go),
+        controllers(cell, repeated('B="0.001"'), repeated("")),
+    ):
+        record = go()
+    wanted = np.radians(0.001) * np.arange(1, record.trace.rows + 1)
+    np.testing.assert_allclose(record["left_deviation_alpha"], wanted, rtol=1e-12)
+    assert np.all(record["right_deviation_alpha"] == 0.0)
