@@ -270,13 +270,15 @@ class ServedArmConfig(Config):
     """What one arm of a served cell speaks, and on which ports."""
 
     robot: Annotated[
-        Literal["rsi", "none"], said("KUKA RSI; none: the arm follows its nominal path")
+        Literal["rsi", "egm", "none"],
+        said("KUKA RSI or ABB EGM; none: the arm follows its nominal path"),
     ] = "rsi"
     robot_port: (
         Annotated[
             int,
             said(
-                "on which the controller waits for the robot; none: 49152 left, 49153 right",
+                "on which the controller waits for the robot; none: 49152 left and 49153 "
+                "right of RSI, 6510 and 6511 of EGM",
                 ge=1,
                 le=65535,
             ),

@@ -12,6 +12,7 @@ from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import ServeConfig
 from dualbend.serve.lockstep import LockStep
 from dualbend.serve.port import RobotPort, SensorPort
+from dualbend.serve.robot.egm import EgmRobot
 from dualbend.serve.robot.rsi import RsiRobot
 from dualbend.serve.robot.telegram import configuration
 from dualbend.serve.sensor.netft import NetFT
@@ -19,9 +20,10 @@ from dualbend.types import SIDES, Side
 
 LOOPBACK = "127.0.0.1"
 
+_ROBOTS: dict[str, type[RsiRobot] | type[EgmRobot]] = {"rsi": RsiRobot, "egm": EgmRobot}
 _FIRST = {
-    "left": {"robot": 49152, "sensor": 49162, "http": 49172},
-    "right": {"robot": 49153, "sensor": 49163, "http": 49173},
+    "left": {"rsi": 49152, "egm": 6510, "netft": 49162, "http": 49172},
+    "right": {"rsi": 49153, "egm": 6511, "netft": 49163, "http": 49173},
 }
 
 
@@ -42,6 +44,16 @@ class ServedCell:
         self.config = scenario.serve or ServeConfig()
         if all(self.config.own(side).robot == "none" for side in SIDES):
             raise InputError("serve.left.robot and serve.right.robot are none: nothing is steered")
+        mode, correction = scenario.robot.alter.mode, self.config.correction
+        for side in SIDES:
+            if self.config.own(side).robot != "egm":
+                continue
+            if correction != "absolute" or mode != "world":
+                raise InputError(
+                    f'serve.{side}.robot = "egm" answers with a whole pose in the bending frame: '
+                    f'it needs serve.correction = "absolute", not {correction!r}, and '
+                    f'robot.alter.mode = "world", not {mode!r}'
+                )
 
     @contextmanager
     def open(self) -> Iterator[LockStep]:
@@ -52,12 +64,13 @@ class ServedCell:
             self.sensors: list[SensorPort] = []
             for side in SIDES:
                 own = self.config.own(side)
-                if own.robot == "rsi":
-                    robot = RsiRobot(side, self._controller, self.robot_port(side), period_s)
+                if own.robot != "none":
+                    made = _ROBOTS[own.robot]
+                    robot = made(side, self._controller, self.robot_port(side), period_s)
                     stack.callback(robot.close)
                     self.robots.append(robot)
                 if own.sensor == "netft" and side in self._ready.scenario.compliance.sensing:
-                    port = _or(own.sensor_port, _FIRST[side]["sensor"])
+                    port = _or(own.sensor_port, _FIRST[side]["netft"])
                     http = _or(own.http_port, _FIRST[side]["http"])
                     sensor = NetFT(side, self._address, port, http, period_s)
                     stack.callback(sensor.close)
@@ -66,17 +79,18 @@ class ServedCell:
 
     def robot_port(self, side: Side) -> int:
         """Return the port on which a side's controller waits for the robot."""
-        return _or(self.config.own(side).robot_port, _FIRST[side]["robot"])
+        own = self.config.own(side)
+        return _or(own.robot_port, _FIRST[side][own.robot])
 
     def told(self) -> list[str]:
         """Return what listens where, in which units and frames, a line each; of open ports."""
         scenario, lines = self._ready.scenario, []
         for port in (*self.robots, *self.sensors):
             lines += port.told()
-        for sensor in self.sensors:
-            lines.append(_told_of_tool(self._ready, scenario, sensor.side))
-        if not self.sensors:
-            lines.append("no sensor: no arm senses (compliance.sensing), or none has a port")
+        for side in scenario.compliance.sensing:
+            lines.append(_told_of_tool(self._ready, scenario, side))
+        if not scenario.compliance.sensing:
+            lines.append("no sensor: no arm senses (compliance.sensing)")
         for where in {self._address, self._controller}:
             if not where.startswith("127."):
                 lines.append(f"open to the network: {where} is no loopback address")

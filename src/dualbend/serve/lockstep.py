@@ -73,11 +73,9 @@ class LockStep:
     def _answered(self, observed: Observation) -> Vector:
         """Return the deviation (2, 6) that the controllers answer."""
         run = self._run
-        reading = run.reading
         for sensor in self._sensors:
-            row = run.sensors.arms.index(SIDES.index(sensor.side))
-            wrench, clipped = reading.sensor.components[row], bool(reading.clipped[row].any())
-            sensor.publish(self._cycle, wrench, clipped=clipped)
+            clipped = bool(run.reading.clipped[self._sensor_row(sensor.side)].any())
+            sensor.publish(self._cycle, self._wrench(sensor.side), clipped=clipped)
         asked = [robot for robot in self._robots if robot.side not in run.stopped]
         for robot in asked:
             robot.ask(self._state(robot.side, observed))
@@ -99,8 +97,21 @@ class LockStep:
         nominal[::2] = observed.nominal.coordinates[row]
         joints = observed.joints_rad[arms.joints(side)]
         slides = [slide for name, slide in arms.slides.items() if name.startswith(side)]
-        told = np.where(slides, 1e3 * joints, np.degrees(joints))
-        return ArmState(cycle=self._cycle, measured=measured, nominal=nominal, joints=told)
+        return ArmState(
+            cycle=self._cycle,
+            measured=measured,
+            nominal=nominal,
+            joints=np.where(slides, 1e3 * joints, np.degrees(joints)),
+            wrench=self._wrench(side) if row in self._run.sensors.arms else None,
+        )
+
+    def _wrench(self, side: Side) -> Vector:
+        """Return the raw reading (6,) of a side's sensor, along its axes."""
+        reading: Vector = self._run.reading.sensor.components[self._sensor_row(side)]
+        return reading
+
+    def _sensor_row(self, side: Side) -> int:
+        return self._run.sensors.arms.index(SIDES.index(side))
 
     def _wait(self, asked: Sequence[RobotPort]) -> None:
         """Take packets until all robots are answered.

@@ -22,12 +22,14 @@ class ArmState(msgspec.Struct, frozen=True, kw_only=True):
         Grip poses (6,): x, y, z [m], roll, pitch, yaw [rad] in the arm's bending frame, as the
         encoders tell it, and as the path has it.
     joints : measured joint angles (n,) [degrees], of a slide its position [mm]
+    wrench : raw reading (6,) [N, N m] of the wrist sensor, in its axes; None: there is none
     """
 
     cycle: int
     measured: Vector
     nominal: Vector
     joints: Vector
+    wrench: Vector | None
 
 
 class Port(Protocol):

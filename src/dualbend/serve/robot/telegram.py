@@ -10,9 +10,6 @@ import numpy as np
 from dualbend.control.alter import angles_of, turn
 from dualbend.types import Vector
 
-LONGEST = 8192
-"""Bytes of an answer that is read."""
-
 AXES = ("X", "Y", "Z", "A", "B", "C")
 
 _NUMBER = rb"[+-]?(?:\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})(?:[eE][+-]?\d{1,3})?"
@@ -39,7 +36,7 @@ def decode(data: bytes) -> tuple[int, Vector] | None:
     None: it is no ``<Sen>`` with exactly one RKorr and one IPOC. What RKorr does not give is 0.
     """
     text = data.strip(b"\0 \t\r\n")
-    if len(data) > LONGEST or not (text.startswith(b"<Sen") and text.endswith(b"</Sen>")):
+    if not (text.startswith(b"<Sen") and text.endswith(b"</Sen>")):
         return None
     if b"<!" in text or text.count(b"<RKorr") != 1 or text.count(b"<IPOC") != 1:
         return None
