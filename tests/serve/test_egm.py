@@ -1,6 +1,7 @@
 """EGM's messages against bytes written by hand, and a run against the same one over RSI."""
 
 import math
+import socket
 import struct
 
 import numpy as np
@@ -13,7 +14,7 @@ from dualbend.run.record import RunRecord
 from dualbend.scenario.sections import ServedArmConfig
 from dualbend.serve.cell import ServedCell
 from dualbend.serve.port import ArmState
-from dualbend.serve.robot.egm import decode, encode, quaternion_of
+from dualbend.serve.robot.egm import EgmRobot, decode, encode, quaternion_of
 from dualbend.serve.robot.protobuf import fields
 from dualbend.types import SIDES
 from support.served import Answer, controllers, free_ports, served
@@ -169,3 +170,29 @@ def test_what_a_whole_pose_cannot_mean_is_refused(setting: str) -> None:
     run = make_run(load_scenario("fig8", [*SHORT, "serve.left.robot=egm", setting]))
     with pytest.raises(InputError, match=r'serve.left.robot = "egm" .*needs'):
         ServedCell(run)
+
+
+def test_what_came_before_the_question_is_no_answer() -> None:
+    """An answer has no number of a cycle in it: an old one is taken off the socket."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as controller:
+        controller.bind(("127.0.0.1", 0))
+        controller.settimeout(5.0)
+        robot = EgmRobot("left", "127.0.0.1", controller.getsockname()[1], 0.028)
+        for cycle, place_mm in enumerate((1.0, 2.0)):
+            robot.ask(
+                ArmState(
+                    cycle=cycle,
+                    measured=np.zeros(6),
+                    nominal=np.zeros(6),
+                    joints=np.zeros(6),
+                    wrench=None,
+                )
+            )
+            _, at = controller.recvfrom(1000)
+            for place in (place_mm, 99.0):
+                controller.sendto(sensor((place, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)), at)
+            robot.receive()
+            assert robot.answer is not None
+            assert robot.answer[0] == 1e-3 * place_mm
+        assert robot.counted()["late"] == 1
+        robot.close()

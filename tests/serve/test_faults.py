@@ -108,7 +108,7 @@ def test_the_robot_counts_wrong_answers_in_a_row_and_stops(run: Run) -> None:
     record = go_on(run, wrong, late_limit=5)
     assert record.outcome == "protective_stop"
     assert "left arm's controller gave 5 wrong answers in a row (serve.late_limit)" in record.reason
-    assert delays == [0, 0]
+    assert delays == [0, 2]
 
 
 @pytest.mark.parametrize(
@@ -192,14 +192,48 @@ def test_where_one_arm_stops_the_other_is_still_asked() -> None:
         asked.append(ipoc_of(told))
         return still(told)
 
+    of_the_stopped: list[int] = []
+
     def stops(told: bytes) -> list[bytes]:
+        of_the_stopped.append(ipoc_of(told))
         return [correction(ipoc_of(told), 'B="20"' if len(asked) > 5 else "")]
 
     record = go_on(run, stops, listened)
     assert record.outcome == "protective_stop"
     stopped = int(np.count_nonzero(record.stopped))
     assert stopped > 1
-    assert len(asked) >= record.trace.rows - 1
+    assert len(asked) == record.trace.rows
+    assert len(of_the_stopped) == record.trace.rows - stopped
+
+
+def test_a_controller_that_waits_for_a_record_that_it_has_had_gets_it_again(run: Run) -> None:
+    with served(run, timeout_s=5.0) as (cell, go):
+        sensor = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        sensor.settimeout(4.0)
+        port = cell.sensors[0].port  # type: ignore[attr-defined]
+        numbers: list[int] = []
+
+        def waits(told: bytes) -> list[bytes]:
+            if not numbers:
+                sensor.sendto(bytes.fromhex("1234 0002 00000000"), ("127.0.0.1", port))
+                while len(numbers) < 2:
+                    numbers.append(int.from_bytes(sensor.recv(100)[4:8]))
+            return still(told)
+
+        with controllers(cell, waits, still):
+            record = go()
+        sensor.close()
+    assert record.outcome == "completed", record.reason
+    assert numbers == [1, 1]
+
+
+def test_another_address_than_a_loopback_one_is_said(run: Run) -> None:
+    with served(run) as (cell, _):
+        assert not any("network" in line for line in cell.told())
+        tools = [line for line in cell.told() if "tool: 0.6" in line]
+        assert len(tools) == 2
+        cell._address = "192.168.7.1"
+        assert "open to the network: 192.168.7.1 is no loopback address" in cell.told()
 
 
 def test_mutated_answers_over_the_port_end_in_a_count(run: Run) -> None:

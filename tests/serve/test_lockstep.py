@@ -1,11 +1,12 @@
 """Lock step: a controller in a process of its own makes the trace of the built-in one."""
 
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from dualbend import load_scenario, make_run
+from dualbend import load_scenario, make_run, open_cell
 from dualbend.run.cell import believed_tool
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
@@ -103,3 +104,55 @@ def test_relative_corrections_add_up(run: Run) -> None:
     wanted = np.radians(0.001) * np.arange(1, record.trace.rows + 1)
     np.testing.assert_allclose(record["left_deviation_alpha"], wanted, rtol=1e-12)
     assert np.all(record["right_deviation_alpha"] == 0.0)
+
+
+def test_a_step_is_the_change_from_cycle_to_cycle(run: Run) -> None:
+    """A slow ramp goes far beyond what one cycle may change."""
+    cycles: list[bytes] = []
+
+    def ramp(telegram: bytes) -> list[bytes]:
+        cycles.append(telegram)
+        return repeated(f'B="{0.001 * len(cycles)}"')(telegram)
+
+    with served(run, step_rad=2e-5) as (cell, go), controllers(cell, ramp, repeated("")):
+        record = go()
+    assert record.outcome == "completed", record.reason
+    assert record["left_deviation_alpha"][-1] > 20 * 2e-5
+
+
+def test_a_telegram_tells_what_a_stepped_cell_observes(run: Run) -> None:
+    """The same deviations by Cell.step; six decimals of mm and degrees are told."""
+    telegrams: list[ET.Element] = []
+
+    def noted(telegram: bytes) -> list[bytes]:
+        telegrams.append(ET.fromstring(telegram))
+        return repeated('Y="0.01" A="0.02" B="0.25"')(telegram)
+
+    with served(run) as (cell, go), controllers(cell, noted, repeated("")):
+        go()
+    left = np.zeros((2, 6))
+    left[0] = [0.0, 1e-5, 0.0, 0.0, np.radians(0.25), np.radians(0.02)]
+    with open_cell(run.scenario) as stepped:
+        observed = stepped.reset()
+        for telegram in telegrams:
+            x, z, alpha = observed.measured.coordinates[0]
+            y, roll, yaw = observed.aside[0]
+            # KUKA's angles are in another order: for small yaw and roll, to first order.
+            turns = np.degrees([yaw + roll * np.tan(alpha), alpha, roll / np.cos(alpha)])
+            wanted = [1e3 * x, 1e3 * y, 1e3 * z, *turns]
+            np.testing.assert_allclose(numbers(telegram, "RIst"), wanted, atol=2e-6)
+            x, z, alpha = observed.nominal.coordinates[0]
+            wanted = [1e3 * x, 0.0, 1e3 * z, 0.0, np.degrees(alpha), 0.0]
+            np.testing.assert_allclose(numbers(telegram, "RSol"), wanted, atol=1e-6)
+            joints = np.degrees(observed.joints_rad[:6])
+            np.testing.assert_allclose(numbers(telegram, "AIPos"), joints, atol=1e-6)
+            observed = stepped.step(left)
+        assert stepped.done
+    told = np.array([numbers(telegram, "RIst") for telegram in telegrams])
+    assert np.all(np.ptp(told, axis=0)[:5] > 3e-3)  # also out of the plane
+
+
+def numbers(telegram: ET.Element, name: str) -> list[float]:
+    element = telegram.find(name)
+    assert element is not None
+    return [float(value) for value in element.attrib.values()]

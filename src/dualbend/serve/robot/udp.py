@@ -72,7 +72,7 @@ class UdpRobot:
         except OSError:  # nobody is at the port
             self.refused = True
             return
-        found = "oversized" if len(data) > LONGEST else self.decode(data)
+        found: Vector | str = "oversized" if len(data) > LONGEST else self.decode(data)
         if isinstance(found, str):
             self._count[found] += 1
             self.wrong_in_a_row += 1
@@ -81,6 +81,11 @@ class UdpRobot:
         else:
             self.answer, self.wrong_in_a_row = found, 0
             self._count["answered"] += 1
+
+    @property
+    def wrong(self) -> int:
+        """Number of answers until now that were of no use."""
+        return sum(self._count[name] for name in ("oversized", *self.faults))
 
     def told(self) -> list[str]:
         """Return where the robot sends to, and in which units."""
