@@ -16,6 +16,7 @@ from dualbend.arm.placement import MIN_MARGIN_RAD, find_placement
 from dualbend.errors import InputError
 from dualbend.run.arms import arm_pair, path_targets, with_placements
 from dualbend.scenario.load import load_scenario
+from dualbend.scene.arm_compliance import ArmCompliance
 from dualbend.scene.cell import robots_only
 from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD, InverseKinematics, grip_targets
 from support.strip import STRIP6
@@ -169,3 +170,22 @@ def test_the_paper_arm_stands_where_it_is_documented() -> None:
     assert (
         arm_pair(load_scenario(STRIP6, ["cell.base_distance_m=1.075"])).left.placement == placement
     )
+
+
+def test_a_bent_end_far_from_home_is_followed_to() -> None:
+    """The UR3 folds far for the strip: its compliance at the end is that of going there slowly."""
+    scenario = load_scenario("tuned", ["robot.model=ur3"])
+    arms, path = arm_pair(scenario), scenario.path.make(scenario.sheet.length_m)
+
+    def at(alpha: float) -> Array:
+        half, rise = path.at(alpha)
+        return np.array([-half, scenario.cell.sheet_height_m + rise, alpha])
+
+    at_once, slowly = (
+        ArmCompliance(arms, arms.stiffness, scenario.grasp, integrates=False) for _ in range(2)
+    )
+    at_once.move(at(1.0))
+    for alpha in np.linspace(0.0, 1.0, 21).tolist():
+        slowly.move(at(alpha))
+    # Limited by the inverse kinematics: 1e-7 m and rad.
+    np.testing.assert_allclose(at_once.compliance, slowly.compliance, rtol=1e-5)

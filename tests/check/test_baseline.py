@@ -19,7 +19,7 @@ from dualbend.check.baseline import (
     sources,
     write_baseline,
 )
-from dualbend.check.settings import settings_of
+from dualbend.check.settings import changed_settings, settings_of
 from dualbend.check.tolerances import Tolerance, better_where, default_tolerance
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import WALL_CLOCK
@@ -209,3 +209,13 @@ def test_the_committed_tolerances_are_the_defaults_of_each_task() -> None:
         for metric, gate in one.metrics.items():
             default = default_tolerance(metric, gate.value, task)
             assert gate.tolerance == default or metric == "worst_hole_offset", (name, metric)
+
+
+def test_a_file_is_the_same_in_whatever_folder_it_stands() -> None:
+    """Exact: a baseline that is committed is compared on other machines."""
+    here, there, other = (
+        settings_of(load_scenario("learned", [f"path.learned={file}"]))
+        for file in ("/here/learned.json", "/there/learned.json", "/there/other.json")
+    )
+    assert not changed_settings(here, there)
+    assert changed_settings(here, other) == ['path.learned "learned.json" → "other.json"']

@@ -98,7 +98,7 @@ def test_keys_are_explained_and_every_command_with_settings_completes_them() -> 
 
 
 def test_a_file_may_stand_where_no_name_begins_so() -> None:
-    for text in ("path.learned=lear", "sheet.material=mine/"):
+    for text in ("path.learned=lear", "sheet.material=mine/", "robot.model=mine/"):
         (item,) = offered(text)
         assert (item.value, item.type) == (text.partition("=")[2], "file")
 

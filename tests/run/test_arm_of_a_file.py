@@ -111,6 +111,8 @@ def test_what_is_said_of_an_arm_goes_with_it(scenario: Path) -> None:
     [
         (["robot.model=mine.xacro"], "xacro is expanded first: xacro arm.urdf.xacro > arm.urdf"),
         (["robot.model=none.urdf"], r"left arm: .*none\.urdf: cannot be read: No such file"),
+        (["robot.model=~nobody-of-that-name/a.urdf"], "a.urdf: cannot be read"),
+        (["robot.arm.packages=[3]"], r"robot.arm.packages\[0\] = 3: must be a text"),
         (["robot.arm.flange=hand"], "robot.arm.flange = 'hand': no such link; there are base_link"),
         (["robot.arm.payload_kg=-1"], "robot.arm.payload_kg = -1: must be a number > 0"),
         (["robot.arm.palyoad_kg=1"], "unknown key; did you mean payload_kg"),

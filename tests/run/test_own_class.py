@@ -458,3 +458,26 @@ def test_a_scenario_that_was_moved_finds_the_module_that_was_moved_with_it(
     found = load_scenario(str(moved / "scenario.toml")).compliance
     assert isinstance(found, OwnComplianceConfig)
     assert found.folder == str(moved)
+
+
+def test_what_a_class_names_is_checked_also_where_it_takes_any_other(tmp_path: Path) -> None:
+    (tmp_path / "open.py").write_text(OPEN, encoding="utf-8")
+    file = tmp_path / "open.toml"
+    text = 'extends = "fig6"\nname = "open"\ncompliance = {{ kind = "open:Open", options = {} }}\n'
+    file.write_text(text.format("{ b = 2.0, other = 3 }"), encoding="utf-8")
+    found = load_scenario(str(file)).compliance
+    assert isinstance(found, OwnComplianceConfig)
+    assert found.options == {"b": 2.0, "other": 3}
+    file.write_text(text.format('{ b = "x", other = 3 }'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"compliance\.options\.b"):
+        load_scenario(str(file))
+
+
+OPEN = """
+class Open:
+    def __init__(self, scenario, b: float = 1.0, **others):
+        self.others = others
+
+    def __call__(self, observation):
+        raise NotImplementedError
+"""

@@ -111,8 +111,8 @@ def test_a_search_scales_a_direction_or_its_times() -> None:
     config = full(pitch=DirectionConfig(m=1.0, b=4.0, k=2.0), z=DirectionConfig(b=100.0))
     names = knobs(config, 1.0)
     assert names == [Knob("z", "compliance"), Knob("pitch", "compliance"), Knob("pitch", "lag")]
-    soft = turned(config, Knob("pitch", "compliance"), 2.0)
-    slow = turned(config, Knob("pitch", "lag"), 2.0)
+    soft = turned(config, Knob("pitch", "compliance"), 2.0, 0.028)
+    slow = turned(config, Knob("pitch", "lag"), 2.0, 0.028)
     stiff = softened(config, 0.5)
     assert isinstance(soft, MassSpringDamperConfig)
     assert isinstance(slow, MassSpringDamperConfig)

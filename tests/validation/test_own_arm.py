@@ -14,7 +14,7 @@ from PIL import Image
 
 from dualbend.arm.model import arm_model
 from dualbend.cli import main
-from dualbend.validation.own_arm import look_at
+from dualbend.validation.own_arm import look_at, model_of
 from support.arm_files import MASSES, NAMES, six, write_mjcf
 
 
@@ -45,6 +45,15 @@ def test_weights_are_those_of_the_links(file: Path) -> None:
     stretched = 9.81 * sum(mass * lever for mass, lever in levers)
     # The sample's largest is near, and not far beyond: links fold in more than they add.
     assert 0.9 * stretched < weights[1] < 1.02 * stretched
+
+
+def test_on_a_wall_the_first_joint_bears_the_arm(file: Path) -> None:
+    """Upright its axis is along the weights; on a wall it holds what the lift holds upright."""
+    arm, down = model_of(str(file), ["cell.base_pitch_rad=1.5707963"])
+    np.testing.assert_allclose(down, [1.0, 0.0, 0.0], atol=1e-7)  # z is forward, so x is down
+    wall, upright = look_at(arm, down).joints, look_at(arm).joints
+    # Its reach is a little longer by what the shoulder is off the axis.
+    assert wall[0].weight_torque == pytest.approx(upright[1].weight_torque, rel=0.1)
 
 
 def test_the_command_prints_and_draws_what_is_found(file: Path, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -17,7 +18,8 @@ Settings = dict[str, Any]
 def settings_of(scenario: Scenario) -> Settings:
     """Return what a resolved scenario asks for, its description apart; what is not set is left out.
 
-    As JSON gives them back: ``{"seed": 1, "sheet": {...}, "sheet.model": {...}}``.
+    As JSON gives them back: ``{"seed": 1, "sheet": {...}, "sheet.model": {...}}``. A file has its
+    name alone, since a baseline is of every machine.
     """
     plain: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(scenario))
     del plain["description"]
@@ -27,12 +29,17 @@ def settings_of(scenario: Scenario) -> Settings:
 
 def _tables(table: dict[str, Any], name: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield a table's own keys, then the tables inside it."""
-    own = {k: v for k, v in table.items() if v is not None and not isinstance(v, dict)}
+    plain = {k: v for k, v in table.items() if v is not None and not isinstance(v, dict)}
+    own = {key: _without_folder(value) for key, value in plain.items()}
     if own:
         yield name, own
     for key, inner in table.items():
         if isinstance(inner, dict):
             yield from _tables(inner, f"{name}.{key}" if name else key)
+
+
+def _without_folder(value: Any) -> Any:  # noqa: ANN401 - JSON's values
+    return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
 
 
 def changed_settings(old: Settings, new: Settings) -> list[str]:

@@ -76,12 +76,14 @@ def _values(key: str, name: str, schema: dict[str, Any], begun: str) -> list[Com
         known += map(str, option.get("enum", ()))
         known += [str(option["const"])] if "const" in option else []
         known += ["true", "false"] if option.get("type") == "boolean" else []
+    is_arm = name == "model" and key.startswith("robot.")
     if name == "material":
         known += _materials()
-    elif name == "model" and key.startswith("robot."):
-        known += _arms()
+    elif is_arm:
+        examples = (name for option in _options(schema) for name in option.get("examples", ()))
+        known += [name for name in examples if "." not in name]
     offered = [value for value in dict.fromkeys(known) if value.startswith(begun)]
-    if name in _FILES and not offered:
+    if (name in _FILES or is_arm) and not offered:
         return [CompletionItem(begun, type="file")]
     return [CompletionItem(f"{key}={value}") for value in offered]
 
@@ -92,8 +94,9 @@ def _keys(above: str) -> dict[str, dict[str, Any]]:
     for name in filter(None, above.split(".")):
         options = list(_options(level.get(name, {})))
         level = {}
-        for option in options:
-            level = {**option.get("properties", {}), **level}
+        # A key that several kinds have may be a section of another content in each.
+        for key, schema in (item for o in options for item in o.get("properties", {}).items()):
+            level[key] = {"anyOf": [level[key], schema]} if key in level else schema
     return dict(level)
 
 
@@ -126,12 +129,6 @@ def _materials() -> list[str]:
         return list(tomllib.loads(text))
     except _UNREADABLE:
         return []
-
-
-def _arms() -> list[str]:
-    from dualbend.arm.catalog import JOINT_COUNT
-
-    return list(JOINT_COUNT)
 
 
 class Bash(BashComplete):

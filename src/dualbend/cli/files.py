@@ -140,8 +140,8 @@ def _check_arm(name: str, settings: tuple[str, ...], out: Path | None, *, as_jso
         offscreen.prepare()  # before anything imports MuJoCo
     from dualbend.validation import own_arm
 
-    arm = own_arm.model_of(name, settings)
-    found = own_arm.look_at(arm)
+    arm, down = own_arm.model_of(name, settings)
+    found = own_arm.look_at(arm, down)
     if as_json:
         print_json(found)
     else:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dualbend.cli.common import EXIT_FAILED_CHECK, JSON, NUMBER, PATH, Number, command, print_json
+from dualbend.cli.completion import complete_settings
 from dualbend.errors import InputError, writing
 from dualbend.files import write_whole
 
@@ -92,6 +93,7 @@ def _refuse_no_sheet(given: dict[str, Any]) -> None:
     "settings",
     multiple=True,
     metavar="PATH.TO.KEY=VALUE",
+    shell_complete=complete_settings,
     help="With --arm: what its file does not say, robot.arm.flange=tool0 for example.",
 )
 @click.option("--shell", is_flag=True, help="The shell against plate theory instead; a minute.")

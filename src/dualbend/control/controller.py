@@ -7,7 +7,7 @@ from typing import Protocol
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dualbend.control.alter import AlterMode, PathModification
 from dualbend.control.delay import TransportDelay
@@ -108,6 +108,13 @@ class Controller(Protocol):
         """Return the deviation (..., 2, 6) of this cycle."""
 
 
+def as_numbers(given: ArrayLike) -> Vector:
+    """Return what a controller gave as an array of floats; TypeError where it is no real number."""
+    if np.iscomplexobj(given):
+        raise TypeError("its deviation is complex")
+    return np.asarray(given, dtype=np.float64)
+
+
 class ControllerFailed(Exception):  # noqa: N818 - it ends a run, as a protective stop does
     """A controller raised an exception, or gave what is no deviation; the message says which."""
 
@@ -155,8 +162,8 @@ class ControlledPath:
         """
         shape = (*observation.nominal.coordinates.shape[:-1], 6)
         try:
-            deviation = np.asarray(self.controller(observation), dtype=np.float64)
-        except Exception as error:
+            deviation = as_numbers(self.controller(observation))
+        except (Exception, SystemExit) as error:
             raise ControllerFailed(f"{type(error).__name__}: {error}{raised_at(error)}") from error
         saturated = getattr(self.controller, "saturated", NEVER)
         if action is not None:

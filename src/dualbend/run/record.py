@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from dualbend.errors import InputError, refusing
+from dualbend.interrupts import Interrupted
 from dualbend.registry import TASKS, Task
 from dualbend.run.identity import RunIdentity
 from dualbend.run.trace import Trace
@@ -213,3 +214,10 @@ class RunRecord:
         if self.scene is None:
             raise InputError(f"{self.folder}: a run that was read back has no model: run it again")
         return self.scene
+
+
+def whole(result: RunRecord) -> RunRecord:
+    """Return a run that ended by itself; KeyboardInterrupt where a signal did: it is no result."""
+    if result.signal:
+        raise Interrupted(result.signal)
+    return result

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import msgspec
 
 from dualbend.beam.material import Material, materials_of
-from dualbend.control.compliance.own import OwnComplianceConfig, option_struct
+from dualbend.control.compliance.own import OwnComplianceConfig, checked_options, option_struct
 from dualbend.errors import InputError, brief, refusing, shortened
 from dualbend.imperfection.config import with_preset
 from dualbend.registry import holds, own_names
@@ -200,9 +200,8 @@ def _with_options(scenario: Scenario, source: str) -> Scenario:
         return scenario
     with refusing(f"{source}: {_COMPLIANCE}.{KIND} = {brief(config.controller)}"):
         struct = option_struct(config.made_by())
-    if struct is None:
-        return scenario
-    options = converted(config.options, struct, source, (_COMPLIANCE, "options"))
+    given = checked_options(struct, config.options)
+    options = converted(given, struct, source, (_COMPLIANCE, "options"))
     plain = {
         name: value
         for name, value in msgspec.structs.asdict(options).items()

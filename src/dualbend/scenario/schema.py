@@ -23,7 +23,7 @@ from dualbend.scenario.task import TaskKinds
 
 Schema = dict[str, Any]
 
-_MOVED = ("prefixItems", "description", "default", "examples")
+_MOVED = ("prefixItems", "description", "default")
 _DEFINITIONS = "#/definitions/"
 _DRAFT = "http://json-schema.org/draft-07/schema#"
 _CLASS = {"type": "string", "pattern": ".:."}

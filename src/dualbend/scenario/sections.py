@@ -168,11 +168,9 @@ def with_arm_files(robot: object, folder: Path) -> object:
         return robot
 
     def found(path: object) -> object:
-        return (
-            os.path.normpath(folder.absolute() / Path(path).expanduser())
-            if isinstance(path, str)
-            else path
-        )
+        if not isinstance(path, str):
+            return path  # which is refused later, with its key
+        return os.path.normpath(folder.absolute() / os.path.expanduser(path))  # noqa: PTH111
 
     told = dict(robot)
     model = told.get("model")

@@ -15,6 +15,9 @@ from dualbend.scene.cell import GraspConfig, robots_only
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.types import SIDES, Vector
 
+_STEPS = 10
+"""From home to a pose that Newton's steps do not reach at once."""
+
 
 class ArmCompliance:
     """The left arm at one pose after another; the right one is its image by a turn about z.
@@ -58,12 +61,25 @@ class ArmCompliance:
         targets = grip_targets(both) if place is None else carried_targets(both, place)
         solution = self._ik.solve(targets, self._q)
         if not solution.reached:
-            solution = self._ik.solve_from_home(targets, self._home)
+            start = self._home if place is not None else self._followed(pose)
+            solution = self._ik.solve_from_home(targets, start)
         self._pose, self._q = pose, solution.q
         self._data.qpos[:] = self._q
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         self._jacobian = site_jacobian(self._model, self._data, self._site)[:, self._left]
+
+    def _followed(self, pose: Vector) -> Vector:
+        """Return joint angles (n,) near a pose, in steps from home: a small arm turns far there."""
+        self._data.qpos[:] = q = self._home
+        mujoco.mj_kinematics(self._model, self._data)
+        x, _, z = self._data.site_xpos[self._site]
+        turn = self._data.site_xmat[self._site]
+        home = np.array([x, z, np.arctan2(-turn[6], turn[0])])
+        for share in np.linspace(0.0, 1.0, _STEPS + 1)[1:].tolist():
+            between = home + share * (pose - home)
+            q = self._ik.solve(grip_targets(np.array([between, between])), q).q
+        return q
 
     @property
     def compliance(self) -> Vector:

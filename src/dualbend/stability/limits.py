@@ -17,6 +17,7 @@ import numpy as np
 from dualbend.control.compliance.admittance import ComplianceConfig, NoComplianceConfig
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
+from dualbend.run.record import whole
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.gains import Gains, Knob, softened, turned
 from dualbend.stability.plant.environment import scenario_coupling
@@ -109,7 +110,7 @@ def beginning(scenario: Scenario, compliance: Gains) -> Iterator[str]:
         return
     first = min(axis.from_alpha_rad for axis in axes)
     nothing = NoComplianceConfig(sensing=compliance.sensing)
-    run = make_run(with_compliance(scenario, nothing)).run()
+    run = whole(make_run(with_compliance(scenario, nothing)).run())
     side = run.sensing_side
     alpha, moment = run.trace["nominal_alpha"], run.trace[f"{side}_true_moment_y"]
     bending = run.trace["phase"] == run.phases.index("bend")

@@ -15,6 +15,7 @@ import numpy as np
 from dualbend.control.compliance.admittance import ComplianceConfig
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
+from dualbend.run.record import whole
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.gains import Gains, Knob, knobs, softened, turned
 from dualbend.stability.margins import loop_margins
@@ -71,7 +72,7 @@ def simulate(scenario: Scenario, seed: int) -> tuple[Vector, str]:
 
     A run that does not end as completed has infinite moments, and how it ended.
     """
-    result = make_run(msgspec.structs.replace(scenario, seed=seed)).run()
+    result = whole(make_run(msgspec.structs.replace(scenario, seed=seed)).run())
     if result.outcome != "completed":
         return np.full(2, math.inf), f"{result.outcome}: {result.reason}"
     found = (result.metrics[name].value for name in ("rms_moment", "peak_moment"))

@@ -8,9 +8,8 @@ import msgspec
 
 from dualbend.errors import DualbendError
 from dualbend.evaluation.metrics import WALL_CLOCK
-from dualbend.interrupts import Interrupted
 from dualbend.run.loop import Run
-from dualbend.run.record import Metric, RunRecord
+from dualbend.run.record import Metric, RunRecord, whole
 from dualbend.scenario.sections import Outcome
 
 REFUSED: Final = "refused"
@@ -24,11 +23,8 @@ Ended: TypeAlias = Annotated[str, msgspec.Meta(pattern=f"^({'|'.join(OUTCOMES)})
 
 
 def result_of(run: Run) -> RunRecord:
-    """Run to the end; KeyboardInterrupt where the user ended it: half a run is no result."""
-    result = run.run()
-    if result.signal:
-        raise Interrupted(result.signal)
-    return result
+    """Run to the end; KeyboardInterrupt where the user ended it."""
+    return whole(run.run())
 
 
 def metrics_of(result: RunRecord) -> dict[str, Metric]:

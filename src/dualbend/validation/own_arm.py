@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Final
+
 import msgspec
 import mujoco
 import numpy as np
 
 from dualbend.arm.mjcf import FLANGE_SITE, with_gripper
 from dualbend.arm.model import ArmModel
+from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.run.arms import side_arm
 from dualbend.scenario.load import load_scenario
 from dualbend.table import Column, Table, quantity
@@ -15,6 +19,9 @@ from dualbend.types import Vector
 
 _STEP, _STEP_S, _WATCHED_S = 1e-3, 2.5e-4, 0.5
 """A step of 1 mrad, or 1 mm of a slide, watched for half a second."""
+
+DOWN: Final = np.array([0.0, 0.0, -1.0])
+"""Where the weights of an upright arm go."""
 
 _HALF_WAY = 1.678
 """ω t at which 1 − (1 + ω t) e^(−ω t), the answer of critical damping to a step, is a half."""
@@ -64,16 +71,28 @@ class ArmFound(msgspec.Struct, frozen=True, kw_only=True):
     joints: tuple[JointFound, ...]
 
 
-def model_of(name: str, settings: tuple[str, ...] = ()) -> ArmModel:
-    """Return an arm by its name or file, with settings ``robot.arm...``; both sides have it."""
+def model_of(name: str, settings: Sequence[str] = ()) -> tuple[ArmModel, Vector]:
+    """Return an arm by its name or file, and where down is in its base frame (3,).
+
+    ``settings``: ``robot.arm...`` of what the file does not say, ``cell.base_pitch_rad`` and
+    ``cell.base_roll_rad`` of how it is mounted.
+    """
     scenario = load_scenario("exact", (f'robot.model="{name}"', *settings))
-    return side_arm(scenario, "left")
+    cell, turn = scenario.cell, np.empty(4)
+    mujoco.mju_euler2Quat(
+        turn, np.array([cell.base_pitch_rad or 0.0, cell.base_roll_rad or 0.0, 0.0]), "yxz"
+    )
+    mujoco.mju_negQuat(turn, turn)
+    down = np.empty(3)
+    mujoco.mju_rotVecQuat(down, np.array([0.0, 0.0, -1.0]), turn)
+    return side_arm(scenario, "left"), down
 
 
-def look_at(arm: ArmModel) -> ArmFound:
+def look_at(arm: ArmModel, down: Vector = DOWN) -> ArmFound:
     """Measure an arm by itself: weights, limits, a step on each joint's servo. Takes seconds."""
     model = with_gripper(arm.spec(looks=False)).compile()
     bare = arm.spec(looks=False).compile()
+    bare.opt.gravity[:] = GRAVITY_M_PER_S2 * down
     middle = middle_of(arm)
     weights = _weights(bare)
     data = mujoco.MjData(bare)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from dualbend.control.clock import TransferFunction
 from dualbend.control.compliance.base import ComplianceBase
-from dualbend.control.controller import NEVER, Controller, Observation
+from dualbend.control.controller import NEVER, Controller, Observation, as_numbers
 from dualbend.errors import InputError, brief, refusing
 from dualbend.registry import beside, own_class, raised_at
 from dualbend.types import SIDES, Mask, Vector, said
@@ -116,7 +116,7 @@ class OwnController:
 
         Raises ValueError where it moves an arm that does not comply.
         """
-        given = np.asarray(self.controller(observation), dtype=np.float64)
+        given = as_numbers(self.controller(observation))
         shape = observation.filtered.components.shape
         if given.shape == (*shape[:-2], 6) and len(self._complying) == 1:
             deviation = np.zeros(shape)
@@ -166,8 +166,11 @@ def monic(numerator: ArrayLike, denominator: ArrayLike) -> TransferFunction:
     return above / below[0], below / below[0]
 
 
-def option_struct(made: Callable[..., Any]) -> type[msgspec.Struct] | None:
-    """Return a struct of the options that a class is called with; None where it takes any.
+_VARIOUS = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+
+
+def option_struct(made: Callable[..., Any]) -> type[msgspec.Struct]:
+    """Return a struct of the options that a class is called with, open where it takes any others.
 
     Their types and bounds are those of its annotations, as far as a scenario can hold them.
 
@@ -180,10 +183,9 @@ def option_struct(made: Callable[..., Any]) -> type[msgspec.Struct] | None:
         raise InputError(f"needs {name}(scenario, **options)") from error
     if scenario.kind not in (scenario.POSITIONAL_ONLY, scenario.POSITIONAL_OR_KEYWORD):
         raise InputError(f"needs {name}(scenario, **options)")
-    if any(option.kind == option.VAR_KEYWORD for option in options):
-        return None
-    fields = [_field(made, option) for option in options if option.kind != option.VAR_POSITIONAL]
-    return msgspec.defstruct(name, fields, kw_only=True, frozen=True, forbid_unknown_fields=True)
+    fields = [_field(made, option) for option in options if option.kind not in _VARIOUS]
+    closed = not any(option.kind == option.VAR_KEYWORD for option in options)
+    return msgspec.defstruct(name, fields, kw_only=True, frozen=True, forbid_unknown_fields=closed)
 
 
 def _field(made: Callable[..., Any], option: inspect.Parameter) -> tuple[str, Any, Any]:
@@ -225,8 +227,13 @@ def _is_of_a_file(info: mi.Type) -> bool:
 def _arguments(made: Callable[..., Any], options: dict[str, Any]) -> dict[str, Any]:
     """Return options in the types of a class; InputError where they do not suit it."""
     struct = option_struct(made)
-    if struct is None:
-        return options
     with refusing("options", msgspec.ValidationError):
-        found = msgspec.convert(options, struct)
-    return msgspec.structs.asdict(found)
+        found = msgspec.convert(checked_options(struct, options), struct)
+    return {**options, **msgspec.structs.asdict(found)}
+
+
+def checked_options(struct: type[msgspec.Struct], options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options that a struct checks: all, or those it names where others may be given."""
+    if struct.__struct_config__.forbid_unknown_fields:
+        return options
+    return {name: value for name, value in options.items() if name in struct.__struct_fields__}

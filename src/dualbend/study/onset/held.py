@@ -18,6 +18,7 @@ import numpy as np
 from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.servo import JointServo
 from dualbend.errors import InputError, refusing
+from dualbend.run.record import whole
 from dualbend.scenario.motion import MotionConfig
 from dualbend.scenario.path import ExactPathConfig
 from dualbend.scenario.scenario import Scenario
@@ -108,7 +109,7 @@ def held(
 def oscillate(scenario: Scenario, axis: SingleAxis, *, friction: bool = True) -> Oscillation:
     """Run a held scenario and say whether the disturbance grows; ``friction``: of the joints."""
     ready = BendingRun(scenario) if friction else without_friction(scenario)
-    trace = ready.run().trace
+    trace = whole(ready.run()).trace
     name = "x" if axis == "x" else "alpha"
     side = next(side for side in SIDES if side in scenario.compliance.complying)
     limit = scenario.compliance.limit_x_m if axis == "x" else scenario.compliance.limit_rotation_rad
