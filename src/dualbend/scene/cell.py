@@ -17,7 +17,7 @@ from dualbend.scene.bed.config import LayoutConfig
 from dualbend.scene.bed.holes import add_holes
 from dualbend.scene.bed.mjcf import add_workplace
 from dualbend.scene.contacts import FLOOR, GRIPPING, let_arms_touch
-from dualbend.scene.mjcf import BOX, DRAWN, SITE, add_sky
+from dualbend.scene.mjcf import BOX, DRAWN, SITE, add_floor_and_sky
 from dualbend.scene.sheet.shell import ShellConfig, add_shell
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig, add_sheet
 from dualbend.types import SIDES, Config, Side, said
@@ -322,15 +322,7 @@ def _add_surroundings(spec: mujoco.MjSpec, cell: CellConfig) -> None:
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
     spec.visual.headlight.ambient[:] = 0.45
     spec.visual.headlight.diffuse[:] = 0.45
-    add_sky(spec)
-    spec.worldbody.add_geom(
-        name="floor",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[3.0, 3.0, 0.1],
-        rgba=[0.80, 0.82, 0.84, 1.0],
-        contype=0,
-        conaffinity=FLOOR,
-    )
+    add_floor_and_sky(spec, FLOOR)
     spec.worldbody.add_light(
         name="lamp", pos=[0.5, -2.0, 3.0], dir=[-0.15, 0.55, -0.8], castshadow=True
     )

@@ -23,8 +23,8 @@ def about_z(angle_rad: float) -> tuple[float, float, float, float]:
     return math.cos(angle_rad / 2), 0.0, 0.0, math.sin(angle_rad / 2)
 
 
-def add_sky(spec: mujoco.MjSpec) -> None:
-    """Put a light sky around a scene that is drawn."""
+def add_floor_and_sky(spec: mujoco.MjSpec, conaffinity: int = 0) -> None:
+    """Put a floor, which collides with what ``conaffinity`` says, and a light sky into a scene."""
     spec.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -33,6 +33,14 @@ def add_sky(spec: mujoco.MjSpec) -> None:
         rgb2=[0.70, 0.76, 0.82],
         width=64,
         height=384,
+    )
+    spec.worldbody.add_geom(
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[3.0, 3.0, 0.1],
+        rgba=[0.80, 0.82, 0.84, 1.0],
+        contype=0,
+        conaffinity=conaffinity,
     )
 
 

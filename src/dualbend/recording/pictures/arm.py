@@ -13,7 +13,7 @@ from dualbend.arm.model import ArmModel
 from dualbend.errors import InputError, writing
 from dualbend.files import whole_file
 from dualbend.recording.pictures.render import drawing_options, open_renderer
-from dualbend.scene.mjcf import add_sky
+from dualbend.scene.mjcf import add_floor_and_sky
 from dualbend.types import Vector
 
 _SIZE_PX = (720, 540)
@@ -27,15 +27,7 @@ def draw_arm(arm: ArmModel, q: Vector, path: Path) -> None:
     spec.visual.global_.offwidth, spec.visual.global_.offheight = (2 * n for n in _SIZE_PX)
     spec.visual.headlight.ambient[:] = spec.visual.headlight.diffuse[:] = 0.45
     spec.worldbody.add_light(pos=[1.0, -2.0, 3.0], dir=[-0.3, 0.55, -0.8])
-    add_sky(spec)
-    spec.worldbody.add_geom(
-        name="floor",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[3.0, 3.0, 0.1],
-        rgba=[0.80, 0.82, 0.84, 1.0],
-        contype=0,
-        conaffinity=0,
-    )
+    add_floor_and_sky(spec)
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = q
