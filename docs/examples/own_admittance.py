@@ -44,7 +44,7 @@ def main(settings: Sequence[str] = ()) -> dict[str, float]:
     """Run it and the built-in one; return the peak moment of each and how far traces differ."""
     file = Path(__file__).with_suffix(".toml")
     own, built_in = (make_run(load_scenario(name, settings)).run() for name in (str(file), "fig8"))
-    columns = [name for name, _ in own.trace.columns if name != "wall_s"]
+    columns = [name for name, _ in built_in.trace.columns if name != "wall_s"]
     difference = max(float(np.nanmax(np.abs(own[name] - built_in[name]))) for name in columns)
     peaks = [run.metrics["peak_moment"].value for run in (own, built_in)]
     print("own {:.6f} N m, built-in {:.6f} N m".format(*peaks))
