@@ -211,7 +211,7 @@ def test_the_controller_sees_the_grip_where_its_encoders_have_it() -> None:
     seen, robots = cell.simulation.observe(), cell.ik.model
     nominal = [cell.start[0], 0.0, cell.start[1], 0.0]
     # Analytic: the encoders tell the home pose, within the IK's residual.
-    np.testing.assert_allclose(cell.measured(seen), [nominal] * 2, atol=3e-7)
+    np.testing.assert_allclose(cell.measured.grips(seen), [nominal] * 2, atol=3e-7)
     data = at(robots, cell.home)
     for i, side in enumerate(SIDES):
         columns = PAIR.joints(side)
@@ -227,9 +227,9 @@ def test_the_tools_weight_is_taken_off_along_the_axes_that_the_encoders_tell() -
     seen, robots = cell.simulation.observe(), cell.ik.model
     data = at(robots, cell.home)
     wanted = [data.site(f"{side}_{FT_SITE}").xmat.reshape(3, 3) for side in SIDES]
-    true = cell.simulation.sensor_axes
+    true = cell.simulation.observer.sensor_axes(cell.simulation.data)
     assert np.abs(true - wanted).max() > 0.005
-    np.testing.assert_allclose(cell.believed_axes(true, seen), wanted, atol=1e-9)  # analytic
+    np.testing.assert_allclose(cell.measured.sensor_axes(true, seen), wanted, atol=1e-9)  # analytic
 
 
 # --- bases --------------------------------------------------------------------------------------
@@ -319,7 +319,7 @@ def test_jaws_close_on_the_sheet_where_the_arms_stand_and_then_force_their_norma
     run = BendingRun(load_scenario(STRIP6, [*short, "sheet.model.hinges=20", *settings]))
     run.begin()
     simulation = run.cell.simulation
-    taken = simulation.grasps()
+    taken = simulation.observer.grasps(simulation.data)
     assert np.abs(taken[:, :3]).min() > 1e-5
     # Analytic: nothing pulls at the sheet, which lies where it should.
     assert np.abs(simulation.observe().wrench).max() < 1e-9
@@ -327,7 +327,7 @@ def test_jaws_close_on_the_sheet_where_the_arms_stand_and_then_force_their_norma
     for _ in range(settle):
         run.step()
     simulation.observe()
-    found = simulation.grasps()
+    found = simulation.observer.grasps(simulation.data)
     # The pads give: some N over 0.96e6 N/m, some 10 mN m over 267 N m/rad.
     np.testing.assert_allclose(found[:, [2, 3, 4]], 0.0, atol=1e-4)
     np.testing.assert_allclose(found[:, [0, 1, 5]], taken[:, [0, 1, 5]], atol=5e-5)

@@ -219,6 +219,6 @@ def test_a_base_that_is_tilted_unknown_is_not_told() -> None:
     settings = [*SETTINGS, "imperfections.robot.base_roll_rad=0.01"]
     run = make_run(load_scenario("exact", settings))
     seen = run.cell.simulation.observe()
-    true = run.cell.simulation.roll_and_yaw()[0, :, 0]
+    true = run.cell.simulation.observer.roll_and_yaw(run.cell.simulation.data)[0, :, 0]
     assert np.abs(true).max() > 5e-3
-    assert np.abs(run.cell.aside(seen)[:, 1]).max() < 1e-3
+    assert np.abs(run.cell.measured.aside(seen)[:, 1]).max() < 1e-3

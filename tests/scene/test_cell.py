@@ -19,8 +19,9 @@ from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.cell import compose_cell, robots_only
 from dualbend.scene.ik import InverseKinematics, grip_targets
+from dualbend.scene.observation import Observation, tool_mass_and_centre
 from dualbend.scene.sheet.strips import StripConfig, bend_joint, damping_time
-from dualbend.scene.simulation import Observation, Simulation, tool_mass_and_centre
+from dualbend.scene.simulation import Simulation
 from dualbend.types import SIDES
 from support.strip import STRIP6
 

@@ -14,8 +14,9 @@ from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.cell import PAD_SITE, compose_cell, robots_only, without_looks
 from dualbend.scene.contacts import FLOOR
+from dualbend.scene.observation import PLANAR
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
-from dualbend.scene.simulation import PLANAR, Simulation
+from dualbend.scene.simulation import Simulation
 from dualbend.task.assembly.config import assembly_of
 from dualbend.types import SIDES
 from support.strip import STRIP6, STRIP8
@@ -244,7 +245,9 @@ def test_how_an_edge_lies_to_its_grip_is_told_as_it_was_displaced() -> None:
         data.site_xpos[edge] = data.site_xpos[grip] + axes.apply(errors[i, :3])
         turned = axes * Rotation.from_euler("ZYX", errors[i, :2:-1])
         data.site_xmat[edge] = turned.as_matrix().ravel()
-    np.testing.assert_allclose(simulation.grasps(), errors, atol=1e-12)  # analytic
+    np.testing.assert_allclose(
+        simulation.observer.grasps(simulation.data), errors, atol=1e-12
+    )  # analytic
 
 
 def test_the_planar_pose_of_a_grip_leaves_y_out() -> None:
@@ -262,7 +265,7 @@ def test_roll_and_yaw_are_those_of_each_arms_bending_frame() -> None:
             frame = Rotation.from_euler("z", math.pi * i)
             axes = (frame * Rotation.from_euler("ZYX", turns[what, i])).as_matrix()
             data.site_xmat[simulation._ends[what, i]] = axes.ravel()
-    seen = simulation.roll_and_yaw()
+    seen = simulation.observer.roll_and_yaw(simulation.data)
     # Analytic: R_z(yaw) R_y(pitch) R_x(roll) in each arm's own frame.
     np.testing.assert_allclose(seen[..., 0], turns[..., 2], atol=1e-12)
     np.testing.assert_allclose(seen[..., 1], turns[..., 0], atol=1e-12)

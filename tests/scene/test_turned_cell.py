@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dualbend.run.cell import RobotCell
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.mjcf import about_z
-from dualbend.scene.simulation import BENDING_TO_WORLD
+from dualbend.scene.observation import BENDING_TO_WORLD
 from support.strip import STRIP6
 
 SCENARIO = load_scenario(STRIP6)

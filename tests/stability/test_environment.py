@@ -15,7 +15,7 @@ from dualbend.beam.rod.tangent import sheet_tangent, sheet_wrench, solve_grips
 from dualbend.errors import InputError
 from dualbend.run.cell import RobotCell
 from dualbend.scenario.load import load_scenario
-from dualbend.scene.simulation import tool_mass_and_centre
+from dualbend.scene.observation import tool_mass_and_centre
 from dualbend.stability.plant.environment import environments, scenario_coupling
 from dualbend.stability.plant.equilibrium import find_equilibrium, sheet_mass
 from dualbend.stability.plant.pose import PosedArm

@@ -59,7 +59,7 @@ def test_a_sheet_gripped_too_high_and_pitched_is_bent_by_its_grip() -> None:
     for _ in range(int(np.count_nonzero(run.motion.phase == 0))):
         run.step()
     run.cell.simulation.observe()
-    x, _, z, _, pitch, _ = run.cell.simulation.grasps()[1]
+    x, _, z, _, pitch, _ = run.cell.simulation.observer.grasps(run.cell.simulation.data)[1]
     # The pads give: some N over 0.96e6 N/m, some mN m over 267 N m/rad.
     assert z == pytest.approx(2e-4, rel=0.02)
     assert pitch == pytest.approx(0.01, rel=0.01)

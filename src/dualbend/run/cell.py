@@ -10,7 +10,6 @@ import numpy as np
 
 from dualbend.arm.pair import ArmPair
 from dualbend.beam import elastica
-from dualbend.control.alter import angles_of
 from dualbend.control.brake import Brakes
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.filters import LowPass
@@ -24,18 +23,14 @@ from dualbend.imperfection.robot import RobotErrors, Stribeck, TrueArms
 from dualbend.imperfection.sensor import ErringSensor, SensorErrors
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.believed import BelievedArms
+from dualbend.scene.believed import BelievedArms, Measured
 from dualbend.scene.cell import compose_cell, robots_only, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
+from dualbend.scene.observation import SensorSample, tool_mass_and_centre
+from dualbend.scene.posed import PosedArms
 from dualbend.scene.sheet.model import ShellModel
 from dualbend.scene.sheet.strips import StripConfig
-from dualbend.scene.simulation import (
-    BENDING_TO_WORLD,
-    Observation,
-    SensorSample,
-    Simulation,
-    tool_mass_and_centre,
-)
+from dualbend.scene.simulation import Simulation
 from dualbend.types import SIDES, Mask, Side, Vector
 
 
@@ -71,8 +66,10 @@ class RobotCell:
             period_s=scenario.period_s,
         )
         errors, simulation = scenario.imperfections.robot, self.simulation
-        believed = BelievedArms(robots)
-        self._believed = believed if errors.displaces else None
+        believed = BelievedArms(robots, PosedArms(robots))
+        self.measured = Measured(
+            simulation.observer, simulation.data, believed if errors.displaces else None
+        )
         if errors.weighs_wrong:
             simulation.fed_forward = believed.coriolis
         self._friction: Stribeck | None = None
@@ -148,33 +145,6 @@ class RobotCell:
         self.friction.reset()
         if self._friction is not None:
             self._friction.rest()
-
-    def measured(self, seen: Observation) -> Vector:
-        """Return x, y, z [m] and α [rad] of both grips (2, 4) as the joints' encoders tell them.
-
-        The encoders' zeros and the bases' places are those that the controller believes in.
-        """
-        return seen.grip if self._believed is None else self._believed.grips(seen.q)
-
-    def aside(self, seen: Observation) -> Vector:
-        """Return y [m], roll and yaw [rad] of both grips (2, 3) as :meth:`measured` tells them.
-
-        Each in its bending frame; roll and yaw are those of :func:`dualbend.control.alter.turn`.
-        """
-        believed = self._believed
-        axes = self.simulation.grip_axes if believed is None else believed.grip_axes(seen.q)
-        roll_and_yaw = angles_of(axes * BENDING_TO_WORLD[:, :, np.newaxis])[:, ::2]
-        return np.column_stack((self.measured(seen)[:, 1], roll_and_yaw))
-
-    def believed_axes(self, rotation: Vector, seen: Observation) -> Vector:
-        """Return true axes (2, 3, 3) of the wrist sensors, a sample's, as the encoders tell them.
-
-        What the controller errs by now is what it erred by when the sample was taken.
-        """
-        if self._believed is None:
-            return rotation
-        error = self.simulation.sensor_axes.mT @ self._believed.sensor_axes(seen.q)
-        return np.asarray(rotation @ error)
 
     @property
     def reference(self) -> Vector:

@@ -31,8 +31,8 @@ from dualbend.run.record import RunRecord, Scene, TableRow, task_of
 from dualbend.run.trace import TraceRecorder
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import Outcome
-from dualbend.scene.ik import Targets
-from dualbend.scene.simulation import PLANAR, Observation, SensorSample
+from dualbend.scene.ik import IKSolution, Targets
+from dualbend.scene.observation import PLANAR, Observation, SensorSample
 from dualbend.scene.warnings import SimulationFailed, refuse_warnings, warnings_counted_only
 from dualbend.types import SIDES, PlanarPose, Side, Vector
 
@@ -287,7 +287,7 @@ class Run:
 
     def read(self, seen: Observation) -> WrenchReading:
         """Return what the wrist sensors tell, the tools' weight taken off by measured angles."""
-        axes = self.cell.believed_axes(self.sample.rotation, seen)
+        axes = self.cell.measured.sensor_axes(self.sample.rotation, seen)
         return self.sensors.read(self.sample.wrench, axes, new=self.sample.new)
 
     def _watch_grips(self) -> None:
@@ -326,9 +326,9 @@ class Run:
             time_s=(self.trace.rows - 1) * self.scenario.period_s,
             phase=phase,
             joints_rad=seen.q,
-            measured=PlanarPose(self.cell.measured(seen).take(PLANAR, axis=1)),
+            measured=PlanarPose(self.cell.measured.grips(seen).take(PLANAR, axis=1)),
             nominal=nominal,
-            aside=self.cell.aside(seen),
+            aside=self.cell.measured.aside(seen),
             place=place,
         )
         asked = time.perf_counter()
@@ -341,17 +341,19 @@ class Run:
             said = shortened(f"controller {self._named}, cycle {self.trace.rows}: {error}")
             raise ControllerFailed(said) from error
 
+    def solve(self, targets: Targets) -> IKSolution:
+        """Return the joint angles for both grips' poses in the world, from where they are going."""
+        return self.cell.ik.solve(targets, 2.0 * self._q - self._previous)
+
     def send(
-        self, targets: Targets, observation: Observed, command: Command, *, free: bool = False
+        self, solution: IKSolution, observation: Observed, command: Command, *, free: bool = False
     ) -> None:
-        """Command both grips' poses in the world and run the physics to the next cycle.
+        """Command joint set-points and run the physics to the next cycle.
 
         ``free``: as :meth:`dualbend.run.cell.RobotCell.send` has it.
         """
-        ik = self.cell.ik
-        solution = ik.solve(targets, 2.0 * self._q - self._previous)
         if not solution.reached:
-            raise ProtectiveStop(f"commanded {ik.describe_miss(solution)}")
+            raise ProtectiveStop(f"commanded {self.cell.ik.describe_miss(solution)}")
         self._previous, self._q = self._q, solution.q
         link = self._link
         self.sample = self.cell.send(link.deliver(self._q) if link else self._q, free=free)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dualbend.control.controller import Controller
+from dualbend.control.controller import Command, Controller
 from dualbend.errors import InputError
 from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
@@ -14,10 +14,13 @@ from dualbend.run.cell import RobotCell
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.loop import Asking, Run
 from dualbend.run.record import task_of
+from dualbend.run.setpoints import OutOfReachError, nominal_setpoints
 from dualbend.scenario.motion import NominalMotion
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.ik import grip_targets
-from dualbend.scene.simulation import Observation, SensorSample
+from dualbend.scene.correction import PoseCorrection, grip_frames
+from dualbend.scene.ik import IKSolution, grip_targets
+from dualbend.scene.observation import Observation, SensorSample
+from dualbend.scene.posed import PosedArms
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.types import SIDES, PlanarPose, Vector
 
@@ -86,8 +89,18 @@ class PlanarRun(Run):
         nominal = PlanarPose(np.array([[x, z, alpha]] * len(SIDES)))
         phase = self.phases[self.motion.phase[n]]
         observed, command = yield from self.control(seen, phase, nominal, reading)
-        self.send(grip_targets(command.pose.coordinates, command.aside), observed, command)
+        self.send(self._setpoint(n, command), observed, command)
         return True
+
+    def _setpoint(self, cycle: int, command: Command) -> IKSolution:
+        """Return the joint angles of a command: near the nominal ones, or by mink alone."""
+        pose, aside = command.pose.coordinates, command.aside
+        if self.nominal_q is not None:
+            start = self.nominal_q[cycle] + (self._q - self.nominal_q[max(cycle - 1, 0)])
+            solution = self._near.solve(*grip_frames(pose, aside), start)
+            if solution.reached:
+                return solution
+        return self.solve(grip_targets(pose, aside))
 
     def on_observed(self, cycle: int, seen: Observation) -> None:
         """Do what a task does besides in a cycle, before it is controlled."""
@@ -101,18 +114,39 @@ class PlanarRun(Run):
         # What is held before the motion begins is its first pose.
         first = int(np.count_nonzero(self.motion.phase == 0))
         cycles = np.linspace(first, self.motion.cycles - 1, _CHECKED_POSES).astype(int)
-        q, before, poses = self.cell.home, -1, list[Vector]()
-        for cycle in np.unique(cycles).tolist():
+        cycles = np.unique(cycles)
+        self.nominal_q = self._nominal_setpoints()
+        if self.nominal_q is None:
+            self.checked_poses = self._reached(cycles.tolist())
+        else:
+            self.checked_poses = self.nominal_q[cycles]
+        times_s = self.scenario.period_s * np.diff(cycles)
+        for speed in np.abs(np.diff(self.checked_poses, axis=0)) / times_s[:, np.newaxis]:
+            self._refuse_speed(speed)
+        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, self.checked_poses)
+
+    def _nominal_setpoints(self) -> Vector | None:
+        """Return the joint angles (cycles, n) of the motion; None where mink is to stay in it."""
+        ik, period_s = self.cell.ik, self.scenario.period_s
+        if not PoseCorrection.suits(ik.model):
+            return None
+        self._near = PoseCorrection(ik.model, PosedArms(ik.model))
+        poses = np.array([self._nominal_pose(n) for n in range(self.motion.cycles)])
+        try:
+            return nominal_setpoints(ik, poses, self.cell.home, period_s)
+        except OutOfReachError as error:
+            raise self._out_of_reach(error.cycle, error) from error
+
+    def _reached(self, cycles: list[int]) -> Vector:
+        """Return the joint angles (k, n) of some poses of the motion, one from the other."""
+        q, found = self.cell.home, list[Vector]()
+        for cycle in cycles:
             try:
-                there = self.cell.reach(self._nominal_pose(cycle), q)
+                q = self.cell.reach(self._nominal_pose(cycle), q)
             except InputError as error:
                 raise self._out_of_reach(cycle, error) from error
-            if before >= 0:
-                self._refuse_speed(np.abs(there - q) / ((cycle - before) * self.scenario.period_s))
-            q, before = there, cycle
-            poses.append(there)
-        self.checked_poses = np.array(poses)
-        refuse_overload(self.scenario, self.cell.arms, self.cell.ik.model, self.checked_poses)
+            found.append(q)
+        return np.array(found)
 
     def _out_of_reach(self, cycle: int, error: InputError) -> InputError:
         return InputError(

@@ -20,7 +20,7 @@ from dualbend.control.force_torque import WrenchReading
 from dualbend.errors import InputError, refusing
 from dualbend.files import whole_file, write_all
 from dualbend.scene.ik import IKSolution
-from dualbend.scene.simulation import Observation
+from dualbend.scene.observation import Observation
 from dualbend.types import SIDES, Vector
 
 WALL_CLOCK_COLUMNS = ("wall_s",)

@@ -1,14 +1,14 @@
-"""The arms as their controller believes them to be, at measured joint angles."""
+"""What a controller knows of its arms: by their encoders, and by where it believes their bases."""
 
 from __future__ import annotations
-
-import copy
 
 import mujoco
 import numpy as np
 
 from dualbend.arm.mjcf import FT_SITE, GRIP_SITE
-from dualbend.scene.simulation import grip_poses
+from dualbend.control.alter import angles_of
+from dualbend.scene.observation import BENDING_TO_WORLD, Observation, Observer, Source, grip_poses
+from dualbend.scene.posed import Posed
 from dualbend.types import SIDES, Vector
 
 
@@ -19,43 +19,69 @@ class BelievedArms:
     ----------
     robots
         Of the robots alone, :func:`dualbend.scene.cell.robots_only`.
+    posed
+        The same, of any leading shape: all that is returned has it.
     """
 
-    def __init__(self, robots: mujoco.MjModel) -> None:
-        self._model = copy.copy(robots)
-        self._model.opt.gravity[:] = 0.0
-        self._data = mujoco.MjData(self._model)
+    def __init__(self, robots: mujoco.MjModel, posed: Posed) -> None:
+        self._posed = posed
         self._grips = [robots.site(f"{side}_{GRIP_SITE}").id for side in SIDES]
         self._sensors = [robots.site(f"{side}_{FT_SITE}").id for side in SIDES]
-        self._placed = b""
 
     def grips(self, q: Vector) -> Vector:
-        """Return x, y, z [m] and α [rad] of both grips (2, 4), each in its bending frame."""
-        self._place(q)
-        return grip_poses(self._data.site_xpos[self._grips], self._data.site_xmat[self._grips])
+        """Return x, y, z [m] and α [rad] of both grips (..., 2, 4), each in its bending frame."""
+        data = self._posed.place(q)
+        return grip_poses(data.site_xpos[..., self._grips, :], data.site_xmat[..., self._grips, :])
 
     def grip_axes(self, q: Vector) -> Vector:
-        """Return the axes of both grips in the world (2, 3, 3)."""
-        self._place(q)
-        return np.asarray(self._data.site_xmat[self._grips].reshape(2, 3, 3))
+        """Return the axes of both grips in the world (..., 2, 3, 3)."""
+        return self._axes(q, self._grips)
 
     def sensor_axes(self, q: Vector) -> Vector:
-        """Return the axes of both wrist sensors in the world (2, 3, 3)."""
-        self._place(q)
-        return np.asarray(self._data.site_xmat[self._sensors].reshape(2, 3, 3))
+        """Return the axes of both wrist sensors in the world (..., 2, 3, 3)."""
+        return self._axes(q, self._sensors)
 
     def coriolis(self, q: Vector, speed: Vector) -> Vector:
-        """Return the torques (n,) [N m] of Coriolis and centrifugal forces."""
-        torque = np.empty(self._model.nv)
-        self._place(q)
-        self._data.qvel[:] = speed
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_comVel(self._model, self._data)
-        mujoco.mj_rne(self._model, self._data, 0, torque)
-        return torque
+        """Return the torques (..., n) [N m] of Coriolis and centrifugal forces."""
+        return self._posed.move(q, speed)
 
-    def _place(self, q: Vector) -> None:
-        """Place the arms; a cycle asks three times at the same angles."""
-        if (at := q.tobytes()) != self._placed:
-            self._data.qpos[:], self._placed = q, at
-            mujoco.mj_kinematics(self._model, self._data)
+    def _axes(self, q: Vector, sites: list[int]) -> Vector:
+        axes = self._posed.place(q).site_xmat[..., sites, :]
+        return np.asarray(axes.reshape(*axes.shape[:-1], 3, 3))
+
+
+class Measured:
+    """Where the grips are as the joints' encoders tell it.
+
+    ``data``: the physics, of any leading shape; ``believed``: None where the controller's arms are
+    the true ones.
+    """
+
+    def __init__(self, observer: Observer, data: Source, believed: BelievedArms | None) -> None:
+        self._observer, self._data, self._believed = observer, data, believed
+
+    def grips(self, seen: Observation) -> Vector:
+        """Return x, y, z [m] and α [rad] of both grips (..., 2, 4)."""
+        return seen.grip if self._believed is None else self._believed.grips(seen.q)
+
+    def aside(self, seen: Observation) -> Vector:
+        """Return y [m], roll and yaw [rad] of both grips (..., 2, 3).
+
+        Each in its bending frame; roll and yaw are those of :func:`dualbend.control.alter.turn`.
+        """
+        if self._believed is None:
+            axes = self._observer.grip_axes(self._data)
+        else:
+            axes = self._believed.grip_axes(seen.q)
+        roll_and_yaw = angles_of(axes * BENDING_TO_WORLD[:, :, np.newaxis])[..., ::2]
+        return np.concatenate((self.grips(seen)[..., 1:2], roll_and_yaw), axis=-1)
+
+    def sensor_axes(self, rotation: Vector, seen: Observation) -> Vector:
+        """Return true axes (..., 2, 3, 3) of the wrist sensors, a sample's, as they are believed.
+
+        What the controller errs by now is what it erred by when the sample was taken.
+        """
+        if self._believed is None:
+            return rotation
+        error = np.swapaxes(self._observer.sensor_axes(self._data), -1, -2)
+        return np.asarray(rotation @ (error @ self._believed.sensor_axes(seen.q)))

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import mink
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from dualbend.arm.mjcf import GRIP_SITE
 from dualbend.errors import InputError
 from dualbend.scene.mjcf import about_z
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Mask, Reals, Vector
 
 Targets = tuple[mink.SE3, mink.SE3]
 """World poses of the left and the right grip frame."""
@@ -35,18 +36,18 @@ _MAX_HOME_ITERATIONS = 200
 
 @dataclass(frozen=True, kw_only=True)
 class IKSolution:
-    """Joint angles of both arms and how well they reach their targets."""
+    """Joint angles (..., n) of both arms and how well they reach their targets (...)."""
 
     q: Vector
-    position_residual_m: float
-    rotation_residual_rad: float
-    iterations: int
+    position_residual_m: Reals
+    rotation_residual_rad: Reals
+    iterations: int | NDArray[np.int_]
 
     @property
-    def reached(self) -> bool:
+    def reached(self) -> bool | Mask:
         """Both residuals are within the tolerance."""
-        near = self.position_residual_m <= TOLERANCE_M
-        return near and self.rotation_residual_rad <= TOLERANCE_RAD
+        near: bool | Mask = self.position_residual_m <= TOLERANCE_M
+        return near & (self.rotation_residual_rad <= TOLERANCE_RAD)
 
 
 class InverseKinematics:

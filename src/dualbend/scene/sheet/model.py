@@ -30,7 +30,7 @@ from dualbend.scene.sheet.strips import (
     hinge_stiffness,
     strip_body,
 )
-from dualbend.types import Vector
+from dualbend.types import Reals, Vector
 
 
 class StripModel:
@@ -62,12 +62,13 @@ class StripModel:
         qpos[free + 3 : free + 7] = about_z(yaw_rad)
 
     def bending_angles(self, data: mujoco.MjData) -> Vector:
-        """Return the bending angles from the left end (N,) [rad]."""
-        return np.asarray(data.qpos[self.bend_q])
+        """Return the bending angles from the left end (..., N) [rad]."""
+        return np.asarray(data.qpos[..., self.bend_q])
 
-    def middle_height(self, data: mujoco.MjData) -> float:
-        """Return the height of the sheet's middle [m]."""
-        return float(data.xpos[self._middle, 2])
+    def middle_height(self, data: mujoco.MjData) -> Reals:
+        """Return the height of the sheet's middle (...) [m]."""
+        height: Reals = data.xpos[..., self._middle, 2]
+        return height
 
 
 class ShellModel:

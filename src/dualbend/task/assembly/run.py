@@ -28,7 +28,7 @@ from dualbend.scene.bed.config import HOLES
 from dualbend.scene.bed.pin_contacts import PinContacts
 from dualbend.scene.grippers import Grippers
 from dualbend.scene.ik import Targets, carried_targets
-from dualbend.scene.simulation import BENDING_TO_WORLD, SensorSample
+from dualbend.scene.observation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly.config import AssemblyConfig, ErrorsConfig, assembly_of
 from dualbend.task.assembly.damage import Resolution, stop_at_damage
@@ -309,8 +309,8 @@ class AssemblyRun(Run):
         told, command = yield from self.control(seen, PHASES[goal.phase], nominal, reading, moved)
         self.grippers.drive(goal.posture.opening)
         targets = carried_targets(command.pose.coordinates, moved, command.aside)
-        grip = self.cell.measured(seen)[:, :3] * BENDING_TO_WORLD
-        self.send(targets, told, command, free=goal.free)
+        grip = self.cell.measured.grips(seen)[:, :3] * BENDING_TO_WORLD
+        self.send(self.solve(targets), told, command, free=goal.free)
         self.grippers.update()
         sensed = Sensed(
             net=net,

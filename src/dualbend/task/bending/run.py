@@ -13,7 +13,7 @@ from dualbend.run.learned import path_correction
 from dualbend.run.planar import PlanarRun
 from dualbend.scenario.motion import NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.simulation import Observation, SensorSample
+from dualbend.scene.observation import Observation, SensorSample
 from dualbend.task.bending.config import errors_over_time, imposed_errors
 from dualbend.types import SIDES, Vector
 
@@ -77,7 +77,7 @@ class BendingRun(PlanarRun):
             return sample
         simulation, taken = self.cell.simulation, np.zeros_like(self._imposed)
         if self.scenario.imperfections.robot.displaces:
-            taken = simulation.grasps()
+            taken = simulation.observer.grasps(simulation.data)
         self._errors = errors_over_time(taken, self._imposed, self.motion)
         self._changes = np.ones(len(self._errors), dtype=np.bool_)
         self._changes[1:] = np.any(self._errors[1:] != self._errors[:-1], axis=(1, 2))
@@ -88,6 +88,8 @@ class BendingRun(PlanarRun):
         """Record and apply the misalignment of the grips."""
         if self._imposed is not None:
             simulation = self.cell.simulation
-            self.trace.record_task(simulation.roll_and_yaw().ravel().tolist())
+            self.trace.record_task(
+                simulation.observer.roll_and_yaw(simulation.data).ravel().tolist()
+            )
             if self._changes[cycle]:
                 simulation.displace_grasps(self._errors[cycle])

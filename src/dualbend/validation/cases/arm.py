@@ -20,7 +20,7 @@ from dualbend.control.force_torque import (
     WrenchChain,
 )
 from dualbend.scene.cell import robots_only
-from dualbend.scene.simulation import tool_mass_and_centre
+from dualbend.scene.observation import tool_mass_and_centre
 from dualbend.types import Vector
 from dualbend.validation import dh
 from dualbend.validation.lagrange import SerialArm

@@ -14,7 +14,7 @@ from dualbend.control.response import CommandResponseConfig
 from dualbend.mechanics.compliance import endpoint_compliance
 from dualbend.mechanics.jacobian import PLANE, site_jacobian
 from dualbend.run.cell import RobotCell
-from dualbend.scene.simulation import Observation
+from dualbend.scene.observation import Observation
 from dualbend.types import SIDES, Vector
 from dualbend.validation.handbook import STRIP
 from dualbend.validation.perfect import perfect_scenario
