@@ -31,6 +31,7 @@ ROOMS = (
     "recording",
     "report",
     "task",
+    "batch",
     "env",
     "serve",
     "study",

@@ -30,7 +30,7 @@ from PIL import Image
 from dualbend.cli import main
 from dualbend.errors import InputError
 from dualbend.run.disk.saved import load_run
-from dualbend.run.trace import TraceStream, read_trace
+from dualbend.run.disk.stream import TraceStream, read_trace
 
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.08", "motion.settle_s=0.1")
 """Some six seconds of simulated time."""

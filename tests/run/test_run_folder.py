@@ -21,10 +21,11 @@ from dualbend.run.disk import folder as disk
 from dualbend.run.disk import output
 from dualbend.run.disk.folder import NUMBERS, RunFolder, run_folder
 from dualbend.run.disk.saved import load_run
+from dualbend.run.disk.stream import read_trace
 from dualbend.run.loop import Run
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
-from dualbend.run.trace import Trace, read_trace
+from dualbend.run.trace import Trace
 from dualbend.scenario.load import load_scenario
 
 SHORT = ("path.end_rad=0.2", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")

@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from dualbend.beam.material import find_material
 from dualbend.cli import main
 from dualbend.errors import InputError
+from dualbend.evaluation.permanent_set import hinge_moments, permanent_curvature
 from dualbend.evaluation.sheet import sheet_report
-from dualbend.run.permanent_set import hinge_moments, permanent_curvature
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.motion import PHASES
 from dualbend.scenario.scenario import Scenario

@@ -8,12 +8,12 @@ from dualbend.beam.path import ExactPath
 from dualbend.beam.sheet import Sheet, mean_thickness
 from dualbend.errors import InputError
 from dualbend.evaluation.metrics import surface_strain
+from dualbend.evaluation.permanent_set import hinge_moments
 from dualbend.evaluation.recorded_rod import recorded_rods, reference_moments
 from dualbend.evaluation.sheet import nominal_strain
 from dualbend.report.moment import reference_on_path
 from dualbend.run.arm_load import sheet_load
 from dualbend.run.make import make_run
-from dualbend.run.permanent_set import hinge_moments
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario, parse_scenario
 from dualbend.scenario.sheet import with_true_numbers

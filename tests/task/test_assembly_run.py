@@ -16,8 +16,9 @@ from dualbend.beam import elastica
 from dualbend.errors import InputError
 from dualbend.run.cell import RobotCell
 from dualbend.run.disk.folder import run_folder
+from dualbend.run.disk.stream import TraceStream, read_trace
 from dualbend.run.record import RunRecord
-from dualbend.run.trace import WALL_CLOCK_COLUMNS, Trace, TraceRecorder, TraceStream, read_trace
+from dualbend.run.trace import WALL_CLOCK_COLUMNS, Trace, TraceRecorder
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.scene.sheet.strips import bend_joint, strip_body, twist_joint

@@ -14,6 +14,7 @@ equation (4), and its stability in the frequency domain.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -128,13 +129,22 @@ class CorrectedController:
     """
 
     def __init__(self, controller: Controller, correction: Vector, *, period_s: float) -> None:
-        self._controller, self._correction = controller, correction
+        self.controller, self._correction = controller, correction
         self._period_s = period_s
+
+    @classmethod
+    def stacked(
+        cls, many: Sequence[CorrectedController], controller: Controller
+    ) -> CorrectedController:
+        """Return that of many worlds, which their controllers in one go before."""
+        longest = max(one._correction.shape[-1] for one in many)
+        rows = [_lengthened(one._correction, longest) for one in many]
+        return cls(controller, np.stack(rows), period_s=many[0]._period_s)
 
     def __call__(self, observation: Observation) -> Vector:
         """Return the deviation (..., 2, 6) with the correction in pitch."""
         cycle = min(round(observation.time_s / self._period_s), self._correction.shape[-1] - 1)
-        deviation = np.array(self._controller(observation))
+        deviation = np.array(self.controller(observation))
         deviation[..., 4] += self._correction[..., cycle]
         return deviation
 
@@ -142,7 +152,12 @@ class CorrectedController:
     def saturated(self) -> Mask:
         """What the controller says of its own bounds."""
         never = np.zeros(1, dtype=np.bool_)
-        return np.asarray(getattr(self._controller, "saturated", never))
+        return np.asarray(getattr(self.controller, "saturated", never))
+
+
+def _lengthened(correction: Vector, cycles: int) -> Vector:
+    more = cycles - correction.shape[-1]
+    return np.pad(correction, ((0, 0), (0, more)), mode="edge")
 
 
 def replayed(

@@ -7,12 +7,13 @@ would yield by millimetres under a sheet, and the real arm does not.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
 import numpy as np
 
-from dualbend.types import Config, Vector, said
+from dualbend.types import Config, Vector, said, stacked
 
 Positive = Annotated[float, msgspec.Meta(ge=1e-3, le=1e9)]
 
@@ -104,6 +105,14 @@ class JointServo:
         self._speed_gain = (self.damping + viscous_friction) / stiffness
         self._acceleration_gain = inertia / stiffness
         self._friction = coulomb_friction / stiffness
+
+    @classmethod
+    def stacked(cls, many: Sequence[JointServo]) -> JointServo:
+        """Return that of many worlds, for references (worlds, steps, n)."""
+        joined = stacked(many, "_speed_gain", "_acceleration_gain", "_friction")
+        for name in ("_speed_gain", "_acceleration_gain", "_friction"):
+            setattr(joined, name, getattr(joined, name)[:, np.newaxis])
+        return joined
 
     def setpoint(
         self,

@@ -7,6 +7,7 @@ are the true arms.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
@@ -16,7 +17,7 @@ import numpy as np
 from dualbend.arm.mjcf import JAW_JOINTS
 from dualbend.arm.pair import ArmPair
 from dualbend.imperfection.draws import cut_normal, stream
-from dualbend.types import SIDES, Config, Side, Vector, said
+from dualbend.types import SIDES, Config, Side, Vector, said, stacked
 
 _TOOL = ("sensor", "hand", *JAW_JOINTS)
 
@@ -181,12 +182,19 @@ class Stribeck:
     ) -> None:
         # Python in every physics step: in place, on views of one span of joints. What else lies in
         # it keeps its friction.
-        span = slice(dofs.min(), dofs.max() + 1)
+        self._span = span = slice(dofs.min(), dofs.max() + 1)
         self._level, self._speed = model.dof_frictionloss[span], data.qvel[span]
         self._coulomb, self._excess = self._level.copy(), np.zeros_like(self._level)
         mine = dofs - span.start
         self._excess[mine] = config.stiction_excess * self._coulomb[mine]
-        self._exponent = -1.0 / config.stribeck_speed_rad_per_s**2
+        self._exponent: Vector = np.full(1, -1.0 / config.stribeck_speed_rad_per_s**2)
+
+    @classmethod
+    def stacked(cls, many: Sequence[Stribeck], levels: Vector, speeds: Vector) -> Stribeck:
+        """Return that of many worlds; their friction and speeds (worlds, nv) are where they act."""
+        joined = stacked(many, "_coulomb", "_excess", "_exponent")
+        joined._level, joined._speed = levels[:, joined._span], speeds[:, joined._span]
+        return joined
 
     def rest(self) -> None:
         """Let all joints be at rest."""

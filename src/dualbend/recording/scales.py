@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.beam import elastica
-from dualbend.run.permanent_set import hinge_moments
+from dualbend.evaluation.permanent_set import hinge_moments
 from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
 from dualbend.types import SIDES, Vector

@@ -13,6 +13,7 @@ import rerun as rr
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dualbend.evaluation.permanent_set import hinge_moments
 from dualbend.recording.geometry import (
     DECIMALS,
     Motion,
@@ -27,7 +28,6 @@ from dualbend.recording.layers import layers_of
 from dualbend.recording.log import RecordingLog
 from dualbend.recording.plots import NOMINAL_COLOUR
 from dualbend.recording.scales import Scales, diverging_colours
-from dualbend.run.permanent_set import hinge_moments
 from dualbend.run.record import RunRecord
 from dualbend.scene.sheet.shell import ShellConfig, vertex_body
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, strip_body

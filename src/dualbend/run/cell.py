@@ -14,6 +14,7 @@ from dualbend.control.brake import Brakes
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.filters import LowPass
 from dualbend.control.force_torque import Sensor, ToolGravityCompensation, WrenchChain
+from dualbend.control.guard import Guard, SensorGuard
 from dualbend.control.response import ArmResponses, CommandResponse
 from dualbend.control.servo import FrictionEstimate, IntegralAction, JointServo
 from dualbend.control.wrist import WristSensors
@@ -72,10 +73,10 @@ class RobotCell:
         )
         if errors.weighs_wrong:
             simulation.fed_forward = believed.coriolis
-        self._friction: Stribeck | None = None
+        self.friction_law: Stribeck | None = None
         if errors.stiction_excess:
-            self._friction = Stribeck(errors, model, simulation.data, simulation.dofs)
-            simulation.on_step.append(self._friction.on_step)
+            self.friction_law = Stribeck(errors, model, simulation.data, simulation.dofs)
+            simulation.on_step.append(self.friction_law.on_step)
         self.integral = make_integral(scenario, robots)
         self.friction = FrictionEstimate(
             scenario.robot.servo.friction_estimate,
@@ -143,8 +144,8 @@ class RobotCell:
         self.brakes.reset()
         self.integral.reset()
         self.friction.reset()
-        if self._friction is not None:
-            self._friction.rest()
+        if self.friction_law is not None:
+            self.friction_law.rest()
 
     @property
     def reference(self) -> Vector:
@@ -191,26 +192,59 @@ def make_servo(scenario: Scenario, robots: mujoco.MjModel, home: Vector) -> Join
     )
 
 
-def make_response(scenario: Scenario, arms: ArmPair) -> CommandResponse | ArmResponses:
-    """Return the response of all joints to commands."""
+def make_response(
+    scenario: Scenario, arms: ArmPair, shape: tuple[int, ...] = ()
+) -> CommandResponse | ArmResponses:
+    """Return the response of all joints to commands, of any leading shape."""
     robot, period_s = scenario.robot, scenario.period_s
     steps = steps_per_cycle(scenario.step_s, period_s)
 
     def of(side: Side, joints: int) -> CommandResponse:
-        return CommandResponse(robot.response_of(side), joints, steps, period_s=period_s)
+        return CommandResponse(
+            robot.response_of(side), joints, steps, period_s=period_s, shape=shape
+        )
 
     if robot.response_of("left") == robot.response_of("right"):
         return of("left", arms.count)
     return ArmResponses([of(side, arms.of(side).model.count) for side in SIDES])
 
 
-def make_integral(scenario: Scenario, robots: mujoco.MjModel) -> IntegralAction:
-    """Return the integral action of all joints' servos."""
+def make_integral(
+    scenario: Scenario, robots: mujoco.MjModel, shape: tuple[int, ...] = ()
+) -> IntegralAction:
+    """Return the integral action of all joints' servos, of any leading shape."""
     return IntegralAction(
         scenario.robot.servo.integral,
         stiffness=joint_stiffness(scenario),
         torque_limit=robots.jnt_actfrcrange[:, 1],
         period_s=scenario.period_s,
+        shape=shape,
+    )
+
+
+def make_guard(scenario: Scenario, cell: RobotCell, shape: tuple[int, ...] = ()) -> Guard:
+    """Return what checks all joints, of any leading shape."""
+    simulation, slides = cell.simulation, cell.arms.slides
+    return Guard(
+        scenario.guard,
+        simulation.joints,
+        simulation.joint_range,
+        simulation.torque_limit,
+        cell.arms.speed_limit,
+        shape,
+        slides=[name for name, slide in slides.items() if slide],
+    )
+
+
+def make_sensor_guard(
+    scenario: Scenario, sensors: WristSensors, shape: tuple[int, ...] = ()
+) -> SensorGuard:
+    """Return what checks the wrist sensors, of any leading shape."""
+    return SensorGuard(
+        scenario.guard,
+        [SIDES[i] for i in sensors.arms],
+        shape,
+        reading_cycles=scenario.sensor.reading_cycles(scenario.period_s),
     )
 
 

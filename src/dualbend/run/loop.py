@@ -20,10 +20,16 @@ from dualbend.control.controller import (
 )
 from dualbend.control.controller import Observation as Observed
 from dualbend.control.force_torque import WrenchReading
-from dualbend.control.guard import Guard, ProtectiveStop, SensorGuard
+from dualbend.control.guard import ProtectiveStop
 from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError, shortened
-from dualbend.run.cell import RobotCell, make_link, make_sensors
+from dualbend.run.cell import (
+    RobotCell,
+    make_guard,
+    make_link,
+    make_sensor_guard,
+    make_sensors,
+)
 from dualbend.run.identity import RunIdentity
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.outcome import TaskStopped
@@ -116,36 +122,30 @@ class Run:
             delay_cycles=[robot.delay_of(side) for side in SIDES],
             mode=robot.alter.mode,
         )
-        self.trace = TraceRecorder(
-            self.cycles + self.scenario.after_stop_cycles,
-            self.sensors.arms,
-            simulation.model.nq,
-            self.scenario.sheet.model.sections,
-            self.cell.arms.slides,
-            task_of(self.scenario).part("columns")(self.scenario),
-            link=self.scenario.imperfections.link.errs,
-            slips=self.scenario.grasp.friction is not None,
-            in_space=self.scenario.compliance.in_space,
-        )
-        self._link = make_link(self.scenario, self.cell)
-        self._guard = Guard(
-            self.scenario.guard,
-            simulation.joints,
-            simulation.joint_range,
-            simulation.torque_limit,
-            self.cell.arms.speed_limit,
-            slides=[name for name, slides in self.cell.arms.slides.items() if slides],
-        )
-        self._sensor_guard = SensorGuard(
-            self.scenario.guard,
-            [SIDES[i] for i in self.sensors.arms],
-            reading_cycles=self.scenario.sensor.reading_cycles(self.scenario.period_s),
-        )
+        self.trace = self.recorder(self.cycles + self.scenario.after_stop_cycles)
+        self.link = make_link(self.scenario, self.cell)
+        self._guard = make_guard(self.scenario, self.cell)
+        self._sensor_guard = make_sensor_guard(self.scenario, self.sensors)
         self.stopped: set[Side] = set()
         self.steered = False
         self._on_cycle = on_cycle
         self._q = self._previous = self.cell.home
         self.sample = self.start()
+
+    def recorder(self, rows: int, shape: tuple[int, ...] = ()) -> TraceRecorder:
+        """Return a trace to be recorded, of any leading shape."""
+        return TraceRecorder(
+            rows,
+            self.sensors.arms,
+            self.cell.simulation.model.nq,
+            self.scenario.sheet.model.sections,
+            self.cell.arms.slides,
+            task_of(self.scenario).part("columns")(self.scenario),
+            shape,
+            link=self.scenario.imperfections.link.errs,
+            slips=self.scenario.grasp.friction is not None,
+            in_space=self.scenario.compliance.in_space,
+        )
 
     def run(self, on_cycle: Callable[[int], None] | None = None) -> RunRecord:
         """Simulate the motion to its end, whatever ends it."""
@@ -355,7 +355,7 @@ class Run:
         if not solution.reached:
             raise ProtectiveStop(f"commanded {self.cell.ik.describe_miss(solution)}")
         self._previous, self._q = self._q, solution.q
-        link = self._link
+        link = self.link
         self.sample = self.cell.send(link.deliver(self._q) if link else self._q, free=free)
         wall_s = time.perf_counter() - self._began
         ages = link.ages if link else ()

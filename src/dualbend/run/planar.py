@@ -14,15 +14,15 @@ from dualbend.run.cell import RobotCell
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.loop import Asking, Run
 from dualbend.run.record import task_of
-from dualbend.run.setpoints import OutOfReachError, nominal_setpoints
 from dualbend.scenario.motion import NominalMotion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.correction import PoseCorrection, grip_frames
 from dualbend.scene.ik import IKSolution, grip_targets
 from dualbend.scene.observation import Observation, SensorSample
 from dualbend.scene.posed import PosedArms
+from dualbend.scene.setpoints import OutOfReachError, nominal_setpoints
 from dualbend.scene.warnings import SimulationFailed
-from dualbend.types import SIDES, PlanarPose, Vector
+from dualbend.types import SIDES, Mask, PlanarPose, Reals, Vector
 
 _SNAPPED_SAG_M, _SNAPPED_FROM_RAD = -1e-3, 0.1
 """A sheet bent this far sags by centimetres: a middle this much above its ends is another shape."""
@@ -33,6 +33,11 @@ _CHECKED_POSES = 40
 
 class PlanarRun(Run):
     """Both arms follow a nominal motion in the bending plane, corrected by the compliance.
+
+    Attributes
+    ----------
+    nominal_poses : (cycles, 3) x, z [m], α [rad] of both grips in their bending frames
+    nominal_q : (cycles, n) their joint angles [rad], by mink; None where it is to stay in the loop
 
     Parameters
     ----------
@@ -59,9 +64,10 @@ class PlanarRun(Run):
         self.compliance, self.motion = compliance, motion
         self.phases = task_of(scenario).phases
         self.scenario = scenario = with_placements(scenario)
-        self._z_m = scenario.cell.sheet_height_m + motion.rise_m
+        z_m = scenario.cell.sheet_height_m + motion.rise_m
+        self.nominal_poses = np.column_stack((-motion.half_distance_m, z_m, motion.alpha_rad))
         try:
-            cell = RobotCell(scenario, self._nominal_pose(0))
+            cell = RobotCell(scenario, self.nominal_poses[0])
         except InputError as error:
             raise self._out_of_reach(0, error) from error
         super().__init__(scenario, cell)
@@ -81,9 +87,9 @@ class PlanarRun(Run):
         n = self.trace.rows
         if n == self.motion.cycles:
             return False
-        x, z, alpha = self._nominal_pose(n).tolist()
+        x, z, alpha = self.nominal_poses[n].tolist()
         seen = self.observe(int(self.motion.phase[n]), np.array([alpha, -x, z]))
-        refuse_snapped(seen.sag, alpha)
+        refuse_snapped(float(seen.sag), alpha)
         self.on_observed(n, seen)
         reading = self.read(seen)
         nominal = PlanarPose(np.array([[x, z, alpha]] * len(SIDES)))
@@ -104,10 +110,6 @@ class PlanarRun(Run):
 
     def on_observed(self, cycle: int, seen: Observation) -> None:
         """Do what a task does besides in a cycle, before it is controlled."""
-
-    def _nominal_pose(self, cycle: int) -> Vector:
-        motion = self.motion
-        return np.array([-motion.half_distance_m[cycle], self._z_m[cycle], motion.alpha_rad[cycle]])
 
     def _check_path(self) -> None:
         """Follow the nominal motion with the IK alone and refuse what the arms cannot do."""
@@ -131,9 +133,8 @@ class PlanarRun(Run):
         if not PoseCorrection.suits(ik.model):
             return None
         self._near = PoseCorrection(ik.model, PosedArms(ik.model))
-        poses = np.array([self._nominal_pose(n) for n in range(self.motion.cycles)])
         try:
-            return nominal_setpoints(ik, poses, self.cell.home, period_s)
+            return nominal_setpoints(ik, self.nominal_poses, self.cell.home, period_s)
         except OutOfReachError as error:
             raise self._out_of_reach(error.cycle, error) from error
 
@@ -142,7 +143,7 @@ class PlanarRun(Run):
         q, found = self.cell.home, list[Vector]()
         for cycle in cycles:
             try:
-                q = self.cell.reach(self._nominal_pose(cycle), q)
+                q = self.cell.reach(self.nominal_poses[cycle], q)
             except InputError as error:
                 raise self._out_of_reach(cycle, error) from error
             found.append(q)
@@ -170,9 +171,14 @@ class PlanarRun(Run):
             )
 
 
+def has_snapped(sag_m: Reals, alpha_rad: Reals) -> Mask:
+    """Tell whether the sheet's middle has gone to the other side of its ends (...)."""
+    return np.asarray((alpha_rad > _SNAPPED_FROM_RAD) & (sag_m < _SNAPPED_SAG_M))
+
+
 def refuse_snapped(sag_m: float, alpha_rad: float) -> None:
-    """Raise SimulationFailed where the sheet's middle has gone to the other side of its ends."""
-    if alpha_rad > _SNAPPED_FROM_RAD and sag_m < _SNAPPED_SAG_M:
+    """Raise SimulationFailed where the sheet has snapped."""
+    if has_snapped(sag_m, alpha_rad):
         raise SimulationFailed(
             "the sheet snapped into another buckled shape: "
             f"its middle is {-1e3 * sag_m:.1f} mm above its ends"

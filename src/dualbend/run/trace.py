@@ -5,23 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from pathlib import Path
-from typing import IO
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from dualbend.control.controller import Command
 from dualbend.control.controller import Observation as Observed
 from dualbend.control.force_torque import WrenchReading
-from dualbend.errors import InputError, refusing
-from dualbend.files import whole_file, write_all
+from dualbend.errors import InputError
 from dualbend.scene.ik import IKSolution
 from dualbend.scene.observation import Observation
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Mask, Vector
 
 WALL_CLOCK_COLUMNS = ("wall_s",)
 """Columns that differ between two runs of one seed."""
@@ -215,6 +210,8 @@ class TraceRecorder(Trace):
     link, slips, in_space
         The command link makes errors; the sheet may slide in the grips; the compliance deviates in
         all six directions: there are columns for it.
+    shape
+        Leading shape: of many worlds at once, of which :meth:`of_world` returns one's trace.
     """
 
     def __init__(
@@ -225,57 +222,69 @@ class TraceRecorder(Trace):
         hinges: int,
         joints: Mapping[str, bool],
         task: Sequence[tuple[str, str]] = (),
+        shape: tuple[int, ...] = (),
         **also: bool,
     ) -> None:
         groups = trace_columns(sensing, hinges, joints, task, **also)
         self.columns = [column for group in groups.values() for column in group]
-        self._sensing = sensing
+        self._sensing, self._in_space = sensing, also.get("in_space", False)
         ends = np.cumsum([len(group) for group in groups.values()]).tolist()
         starts = (0, *ends[:-1])
         self._slices = {name: slice(*at) for name, *at in zip(groups, starts, ends, strict=True)}
-        room = np.full((cycles, len(self.columns)), np.nan)
-        self._positions = np.empty((cycles, qpos_size))
+        room = np.full((*shape, cycles, len(self.columns)), np.nan)
+        self._positions = np.empty((*shape, cycles, qpos_size))
         super().__init__(self.columns, room, self._positions)
         self.rows = 0
+
+    def of_world(self, world: int, rows: int) -> Trace:
+        """Return the first rows of one of many worlds, in the same memory."""
+        return Trace(self.columns, self._table[world, :rows], self._positions[world, :rows])
+
+    def _row(self) -> Vector:
+        """Return the last row (..., columns), to be written."""
+        return self._table[..., self.rows - 1, :]
 
     def observe(
         self,
         time_s: float,
-        phase: int,
+        phase: int | Vector,
         nominal: Vector,
         seen: Observation,
         qpos: Vector,
         bends: Vector,
     ) -> None:
         """Start a row with what is true at the start of the cycle."""
-        row, at = self._table[self.rows], self._slices
-        row[at["clock"]] = time_s, phase
-        row[at["nominal"]] = nominal
-        row[at["grip"]] = seen.grip.ravel()
-        row[at["edge"]] = seen.edge.ravel()
-        row[at["true"]] = seen.wrench.ravel()
-        row[at["sag"]] = seen.sag
-        row[at["bend"]] = bends
-        row[at["q"]] = seen.q
-        row[at["torque"]] = seen.torque
-        self._positions[self.rows] = qpos
-        if self.rows:
-            row[at["task"]] = self._table[self.rows - 1][at["task"]]
         self.rows += 1
+        row, at = self._row(), self._slices
+        worlds = row.shape[:-1]
+        row[..., at["clock"].start] = time_s
+        row[..., at["clock"].start + 1] = phase
+        row[..., at["nominal"]] = nominal
+        row[..., at["grip"]] = seen.grip.reshape(*worlds, -1)
+        row[..., at["edge"]] = seen.edge.reshape(*worlds, -1)
+        row[..., at["true"]] = seen.wrench.reshape(*worlds, -1)
+        row[..., at["sag"].start] = seen.sag
+        row[..., at["bend"]] = bends
+        row[..., at["q"]] = seen.q
+        row[..., at["torque"]] = seen.torque
+        self._positions[..., self.rows - 1, :] = qpos
+        if self.rows > 1:
+            row[..., at["task"]] = self._table[..., self.rows - 2, at["task"]]
 
     def record_slip(self, slip: Vector) -> None:
         """Add how far the sheet has slid in each grip (2,) [m] to the row."""
-        self._table[self.rows - 1][self._slices["slip"]] = slip
+        self._row()[..., self._slices["slip"]] = slip
 
-    def record_task(self, values: Sequence[float]) -> None:
-        """Add the task's own columns to the row."""
-        self._table[self.rows - 1][self._slices["task"]] = values
+    def record_task(self, values: Sequence[float] | Vector) -> None:
+        """Add the task's own columns (..., any number) to the row."""
+        self._row()[..., self._slices["task"]] = values
 
     def record_reading(self, reading: WrenchReading) -> None:
         """Add what the sensors read to the row: also where that ends the run."""
-        row = self._table[self.rows - 1]
-        for i, sensed in zip(self._sensing, reading.sensor.components, strict=True):
-            row[self._slices[f"reading{i}"]][:6] = sensed
+        row, components = self._row(), reading.sensor.components
+        for k, i in enumerate(self._sensing):
+            first = self._slices[f"reading{i}"].start
+            row[..., first : first + 6] = components[..., k, :]
 
     def record_control(
         self,
@@ -283,116 +292,35 @@ class TraceRecorder(Trace):
         command: Command,
         ik: IKSolution,
         wall_s: float,
-        ages: Sequence[int] = (),
+        ages: Sequence[int] | Vector = (),
     ) -> None:
         """Complete the row with what the controller made of it, and what the link made of that."""
-        row, at = self._table[self.rows - 1], self._slices
+        row, at = self._row(), self._slices
+        worlds = row.shape[:-1]
         for i in self._sensing:
-            readings = row[at[f"reading{i}"]]
             # Force x and moment y in the bending frame.
-            readings[6:8] = observation.raw.components[i, ::4]
-            readings[8:] = observation.filtered.components[i, ::4]
-        row[at["deviation"]] = command.deviation[:, ::4].ravel()
-        if row[at["rest"]].size:
-            row[at["rest"]] = command.deviation[:, [1, 2, 3, 5]].ravel()
-        row[at["command"]] = command.pose.coordinates.ravel()
-        row[at["setpoint"]] = ik.q
-        row[at["ik"]] = ik.position_residual_m, ik.rotation_residual_rad, ik.iterations
-        bounds_met = np.count_nonzero(observation.clipped) + np.count_nonzero(command.saturated)
-        row[at["saturated"]] = bounds_met > 0
-        row[at["link"]] = ages
-        row[at["wall"]] = wall_s
+            first = at[f"reading{i}"].start + 6
+            row[..., first : first + 2] = observation.raw.components[..., i, ::4]
+            row[..., first + 2 : first + 4] = observation.filtered.components[..., i, ::4]
+        row[..., at["deviation"]] = command.deviation[..., ::4].reshape(*worlds, -1)
+        if self._in_space:
+            rest = command.deviation[..., [1, 2, 3, 5]]
+            row[..., at["rest"]] = rest.reshape(*worlds, -1)
+        row[..., at["command"]] = command.pose.coordinates.reshape(*worlds, -1)
+        row[..., at["setpoint"]] = ik.q
+        first = at["ik"].start
+        row[..., first] = ik.position_residual_m
+        row[..., first + 1] = ik.rotation_residual_rad
+        row[..., first + 2] = ik.iterations
+        row[..., at["saturated"].start] = _any(observation.clipped, worlds) | _any(
+            command.saturated, worlds
+        )
+        row[..., at["link"]] = ages
+        row[..., at["wall"].start] = wall_s
 
 
-class TraceStream:
-    """A trace on disk while its run goes on: what was written is there whatever ends the process.
-
-    An Arrow stream, a batch every 36 rows; :func:`read_trace` reads it, finished or not.
-
-    Parameters
-    ----------
-    path
-        Says where; asked when there is a first batch, which replaces a file that is there.
-    metadata
-        Says what the stream says of its run; asked then, too.
-    """
-
-    _BATCH_ROWS = 36
-
-    def __init__(self, path: Callable[[], Path], metadata: Callable[[], dict[str, str]]) -> None:
-        self._path, self._metadata = path, metadata
-        self._about: dict[str, str] = {}
-        self._file: IO[bytes] | None = None
-        self._written = 0
-
-    def update(self, trace: Trace) -> None:
-        """Write what is new, a batch at a time."""
-        if trace.rows - self._written >= self._BATCH_ROWS:
-            # A disk that is full does not end the run; when it has room again, nothing is missing.
-            with suppress(OSError):
-                self._append(trace)
-
-    def close(self, trace: Trace | None) -> None:
-        """Write the rest of a trace and stop; the file stays."""
-        with suppress(OSError):
-            if trace is not None and trace.rows > self._written:
-                self._append(trace)
-        if self._file is not None:
-            self._file.close()
-
-    def _append(self, trace: Trace) -> None:
-        self._about = self._about or self._metadata()
-        table = trace.table(self._about, self._written)
-        batches = b"".join(batch.serialize().to_pybytes() for batch in table.to_batches())
-        if self._file is None:
-            # Unbuffered: what failed to be written is not tried again behind our back.
-            with whole_file(self._path()) as part:
-                file = part.open("wb", buffering=0)
-                write_all(file, table.schema.serialize().to_pybytes() + batches)
-            self._file = file
-        else:
-            whole = self._file.tell()
-            try:
-                write_all(self._file, batches)
-            except OSError:
-                self._file.seek(whole)
-                self._file.truncate()
-                raise
-        self._written = trace.rows
-
-
-def read_trace(path: Path) -> pa.Table:
-    """Return a run's trace, Parquet or the stream that a killed run left.
-
-    Raises
-    ------
-    InputError
-        The file is neither, or is damaged.
-    """
-    with refusing(f"{path}: no trace of a run", *_DAMAGED):
-        if path.suffix == ".parquet":
-            with pq.ParquetFile(path) as file:
-                return file.read()
-        with path.open("rb") as file, pa.ipc.open_stream(file) as stream:
-            return pa.Table.from_batches(_whole(stream), stream.schema)
-
-
-def trace_head(path: Path) -> tuple[pa.Schema, int]:
-    """Return the schema and the number of rows of a trace in Parquet, whose values stay unread.
-
-    Raises InputError where it is none, or is damaged.
-    """
-    with refusing(f"{path}: no trace of a run", *_DAMAGED), pq.ParquetFile(path) as file:
-        return file.schema_arrow, file.metadata.num_rows
-
-
-def _whole(stream: pa.ipc.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
-    """Yield the batches of a stream whose last one may have been cut off."""
-    try:
-        yield from stream
-    except _DAMAGED:
-        return
-
-
-_DAMAGED = (OSError, ValueError, MemoryError, pa.ArrowException)
-"""What a damaged file can be to Arrow."""
+def _any(met: Mask, worlds: tuple[int, ...]) -> Mask:
+    """Tell of each world whether any bound was met; one mask may stand for all of them."""
+    if met.ndim < len(worlds) or met.shape[: len(worlds)] != worlds:
+        return np.asarray(met.any())
+    return np.asarray(met.reshape(*worlds, -1).any(axis=-1))

@@ -100,6 +100,10 @@ class Observer:
         )
         self.pad_damping: Vector = grasp.loss_time_s * self.pad_stiffness
 
+    def joint_angles(self, data: Source) -> Vector:
+        """Return the arms' joint angles (..., n) [rad]."""
+        return np.asarray(data.qpos[..., self._q])
+
     def pad_loads(self, data: Source) -> Vector:
         """Return force [N] and moment [N m] (..., 2, 6) in both grips, in the gripper's frame."""
         return np.asarray(
@@ -134,10 +138,10 @@ class Observer:
         axes = data.site_xmat[..., self._sensors, :]
         return np.asarray(axes.reshape(*axes.shape[:-1], 3, 3))
 
-    def sensor_wrench(self, data: Source) -> Vector:
-        """Return the true wrench (..., 2, 6) on both arms at their sensors, in sensor axes."""
+    def sample(self, data: Source) -> tuple[Vector, Vector]:
+        """Return the true wrenches (..., 2, 6) on both arms at their sensors, and their axes."""
         # MuJoCo tells what the arm exerts on the tool: the wrench on the arm is its opposite.
-        return np.asarray(-data.sensordata[..., self._readings])
+        return -data.sensordata[..., self._readings], self.sensor_axes(data)
 
     def roll_and_yaw(self, data: Source) -> Vector:
         """Return (..., 2, 2, 2): gripper and edge, left and right, roll and yaw [rad].

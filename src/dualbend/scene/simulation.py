@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 
 import mujoco
@@ -14,6 +13,7 @@ from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.scene.cell import PAD_SITE, PAD_WIDTH_M, GraspConfig, harden_holds
 from dualbend.scene.contacts import UnintendedContacts
 from dualbend.scene.observation import Observation, Observer, SensorSample
+from dualbend.scene.samples import SampleLine
 from dualbend.scene.sheet.model import SheetModel, StripModel
 from dualbend.scene.sheet.strips import StripConfig
 from dualbend.scene.slip import SlidingGrips
@@ -62,7 +62,7 @@ class Simulation:
         self.dofs = np.array([joint.dofadr[0] for joint in joints])
         self.joint_range = np.array([joint.range for joint in joints])
         self.torque_limit = model.jnt_actfrcrange[[joint.id for joint in joints], 1].copy()
-        self._stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
+        self.actuator_stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
         self.sheet = StripModel(model, sheet) if isinstance(sheet, StripConfig) else sheet
         self.bend_stiffness = self.sheet.bend_stiffness
         """Moment over bending angle [N m/rad]."""
@@ -83,12 +83,7 @@ class Simulation:
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
         """Torques (n,) [N m] that the drives add, of joint angles and speeds (n,); None: the
         Coriolis torques of these arms, and any weight that they do not compensate by themselves."""
-        # A sample that is taken after step i, counted from 1, is one step old when that step ends.
-        self._latency = max(latency_steps, 1) - 1
-        self._sampling = sampling_steps or self.steps
-        self._first = 0 if sampling_steps else -self._latency
-        self._taken: deque[tuple[int, tuple[Vector, Vector]]] = deque()
-        self._done = 0
+        self.samples = SampleLine(latency_steps, sampling_steps, self.steps)
 
     def reset(self, positions: Vector) -> SensorSample:
         """Start at rest in positions from :meth:`positions` (nq,) and return the first sample."""
@@ -102,13 +97,7 @@ class Simulation:
         self.data.ctrl[self._drives] = positions[self._q]
         mujoco.mj_forward(self.model, self.data)
         self.contacts.reset()
-        sample = self._sense()
-        self._done = 0
-        # What was sampled before is as it is now.
-        last, older = -(-self._first % self._sampling), self._latency // self._sampling + 1
-        self._taken = deque((last - k * self._sampling, sample) for k in range(older, -1, -1))
-        self._newest()
-        return _sample(sample, new=True)
+        return self.samples.reset(self.observer.sample(self.data))
 
     def positions(
         self,
@@ -184,7 +173,7 @@ class Simulation:
             feed_forward = data.qfrc_bias[self.dofs] - data.qfrc_gravcomp[self.dofs]
         else:
             feed_forward = self.fed_forward(data.qpos[self._q], data.qvel[self.dofs])
-        rows = setpoints + feed_forward / self._stiffness
+        rows = setpoints + feed_forward / self.actuator_stiffness
         whole_s = model.opt.timestep
         for step in range(self.steps):
             data.ctrl[self._drives] = rows[step]
@@ -196,19 +185,10 @@ class Simulation:
                 else:
                     mujoco.mj_step2(model, data)
                 self._after_step()
-            self._done += 1
-            if (self._done - self._first) % self._sampling == 0:
-                self._taken.append((self._done, self._sense()))
+            if self.samples.passed(1):
+                self.samples.take(self.observer.sample(data))
         model.opt.timestep = whole_s
-        told, _ = self._taken[0]
-        newest, sample = self._newest()
-        return _sample(sample, new=newest != told)
-
-    def _newest(self) -> tuple[int, tuple[Vector, Vector]]:
-        """Forget what is older than the newest sample that is as old as it must be; return it."""
-        while len(self._taken) > 1 and self._taken[1][0] <= self._done - self._latency:
-            self._taken.popleft()
-        return self._taken[0]
+        return self.samples.told()
 
     def _after_step(self) -> None:
         if self.sliding is not None and self.sliding.near and self.sliding.slide():
@@ -216,12 +196,3 @@ class Simulation:
         self.contacts.on_step()
         for act in self.on_step:
             act()
-
-    def _sense(self) -> tuple[Vector, Vector]:
-        """Return the wrench and the axes of both wrist sensors."""
-        return self.observer.sensor_wrench(self.data), self.observer.sensor_axes(self.data)
-
-
-def _sample(taken: tuple[Vector, Vector], *, new: bool) -> SensorSample:
-    wrench, rotation = taken
-    return SensorSample(wrench=wrench, rotation=rotation, new=new)

@@ -6,7 +6,8 @@ No vertical force enters; the moment that the sheet's own weight makes does.
 """
 
 import math
-from typing import Annotated, Literal, TypeAlias
+from collections.abc import Sequence
+from typing import Annotated, Literal, Self, TypeAlias
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
 from dualbend.errors import InputError
-from dualbend.types import Mask, PlanarPose, Reals, Vector, said
+from dualbend.types import Mask, PlanarPose, Reals, Vector, said, stacked
 
 MM_PER_M = 1e3
 DEG_PER_RAD = 180.0 / math.pi
@@ -174,6 +175,13 @@ class Admittance:
         self._reference = np.zeros_like(self._pole)
         self._acted: Mask = np.zeros(self._pole.shape, dtype=np.bool_)
         self.saturated: Mask = self._acted
+
+    @classmethod
+    def stacked(cls, many: Sequence[Self]) -> Self:
+        """Return that of many worlds, each with its own gains and bounds, freshly made."""
+        numbers = ("_pole", "_gain", "_limit", "_from_alpha", "_lowest")
+        state = ("_deviation", "_reference", "_acted", "saturated")
+        return stacked(many, *numbers, *state)
 
     def axes_at(self, alpha_rad: float) -> tuple[AdmittanceAxis | None, AdmittanceAxis | None]:
         """Return the filters of x and rotation that act at a bending angle [rad]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,6 +27,13 @@ class PairCompliance:
         self._sensing, self._complying = arm_slice(sensing), arm_slice(complying)
         # Mirrored, a deviation has the same components: each arm's frame is its own.
         self._source = self._complying if len(sensing) > 1 else slice(None)
+
+    @classmethod
+    def stacked(cls, many: Sequence[PairCompliance]) -> PairCompliance:
+        """Return that of many worlds, whose arms sense and comply alike."""
+        joined = copy.copy(many[0])
+        joined.admittance = Admittance.stacked([one.admittance for one in many])
+        return joined
 
     def __call__(self, observation: Observation) -> Vector:
         """Return the deviation (..., 2, 6) along x and in pitch."""

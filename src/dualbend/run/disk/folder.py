@@ -15,8 +15,8 @@ from pathlib import Path
 
 from dualbend.errors import InputError, writing
 from dualbend.files import locked_folder, part_of, write_whole
+from dualbend.run.disk.stream import TraceStream
 from dualbend.run.loop import Run
-from dualbend.run.trace import TraceStream
 
 NUMBERS = ("scenario.toml", "summary.json", "trace.parquet")
 """What makes a folder a run; pictures and recording are made from these."""

@@ -14,8 +14,9 @@ import pyarrow.parquet as pq
 
 from dualbend.errors import InputError, refusing, writing
 from dualbend.run.disk.folder import LOG, UNFINISHED, RunFolder
+from dualbend.run.disk.stream import read_trace
 from dualbend.run.record import RunRecord
-from dualbend.run.trace import Trace, read_trace
+from dualbend.run.trace import Trace
 
 
 def write_numbers(result: RunRecord, kept: RunFolder) -> None:

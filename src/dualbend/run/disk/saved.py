@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from dualbend.errors import InputError, refusing
 from dualbend.run.disk.folder import LOG, NUMBERS, UNFINISHED, settle
+from dualbend.run.disk.stream import read_trace, trace_head
 from dualbend.run.identity import (
     RunIdentity,
     identity_of_metadata,
@@ -23,7 +24,7 @@ from dualbend.run.identity import (
 from dualbend.run.reading.consistency import refuse_contradictions, refuse_too_many
 from dualbend.run.reading.json_file import json_of, read_json
 from dualbend.run.record import RunRecord, Summary
-from dualbend.run.trace import Trace, read_trace, trace_head
+from dualbend.run.trace import Trace
 from dualbend.scenario.load import parse_scenario
 from dualbend.scenario.scenario import Scenario
 

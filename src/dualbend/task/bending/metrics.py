@@ -16,7 +16,7 @@ from dualbend.evaluation.metrics import (
 )
 from dualbend.evaluation.oscillation import oscillation_of
 from dualbend.evaluation.peaks import common_peaks
-from dualbend.run.permanent_set import permanent_curvature
+from dualbend.evaluation.permanent_set import permanent_curvature
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.scenario import Scenario
 from dualbend.task.bending.config import is_in_space

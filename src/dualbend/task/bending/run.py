@@ -56,6 +56,7 @@ class BendingRun(PlanarRun):
         correction: Vector | None = None,
     ) -> None:
         self._imposed = imposed_errors(scenario)
+        self.grip_errors: Vector | None = None
         self._correction = correction
         if correction is not None:
             self.learned = "a correction from Python"
@@ -78,18 +79,21 @@ class BendingRun(PlanarRun):
         simulation, taken = self.cell.simulation, np.zeros_like(self._imposed)
         if self.scenario.imperfections.robot.displaces:
             taken = simulation.observer.grasps(simulation.data)
-        self._errors = errors_over_time(taken, self._imposed, self.motion)
-        self._changes = np.ones(len(self._errors), dtype=np.bool_)
-        self._changes[1:] = np.any(self._errors[1:] != self._errors[:-1], axis=(1, 2))
-        simulation.displace_grasps(self._errors[0])
+        self.grip_errors = errors_over_time(taken, self._imposed, self.motion)
+        simulation.displace_grasps(self.grip_errors[0])
         return super().start()
+
+    def changed_errors(self, cycle: int) -> Vector | None:
+        """Return how the edges lie to their grippers (2, 6) from a cycle on; None: as before."""
+        errors = self.grip_errors
+        if errors is None or (cycle and np.array_equal(errors[cycle], errors[cycle - 1])):
+            return None
+        return errors[cycle]
 
     def on_observed(self, cycle: int, seen: Observation) -> None:
         """Record and apply the misalignment of the grips."""
         if self._imposed is not None:
             simulation = self.cell.simulation
-            self.trace.record_task(
-                simulation.observer.roll_and_yaw(simulation.data).ravel().tolist()
-            )
-            if self._changes[cycle]:
-                simulation.displace_grasps(self._errors[cycle])
+            self.trace.record_task(simulation.observer.roll_and_yaw(simulation.data).ravel())
+            if (errors := self.changed_errors(cycle)) is not None:
+                simulation.displace_grasps(errors)

@@ -20,7 +20,7 @@ from dualbend.beam.path import ExactPath
 from dualbend.beam.plastic import of_laminate, of_material
 from dualbend.beam.rod.plastic import solve_plastic
 from dualbend.beam.sheet import Sheet
-from dualbend.run.permanent_set import permanent_curvature
+from dualbend.evaluation.permanent_set import permanent_curvature
 from dualbend.run.record import RunRecord
 from dualbend.scenario.motion import PHASES
 from dualbend.scene.sheet.strips import StripConfig, bend_joint

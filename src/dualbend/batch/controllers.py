@@ -1,0 +1,80 @@
+"""The controllers of many worlds as one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from dualbend.control.compliance.admittance import Admittance
+from dualbend.control.compliance.pair import PairCompliance
+from dualbend.control.controller import NEVER, Controller, Observation, as_numbers
+from dualbend.control.learning import CorrectedController
+from dualbend.types import Mask, PlanarPose, Vector, Wrench
+
+
+def joined(controllers: Sequence[Controller]) -> Controller:
+    """Return what gives the deviations (n, 2, 6) of n worlds, each by its own controller.
+
+    Those of the paper's kind are computed in one go, others one after the other.
+    """
+    if all(type(one) is CorrectedController for one in controllers):
+        inner = joined([one.controller for one in controllers])
+        return CorrectedController.stacked(controllers, inner)
+    if all(_is_plain(one) for one in controllers):
+        return PairCompliance.stacked(controllers)
+    return OneByOne(controllers)
+
+
+def _is_plain(controller: Controller) -> bool:
+    return isinstance(controller, PairCompliance) and type(controller.admittance) is Admittance
+
+
+class OneByOne:
+    """Controllers that know of one world only, such as a user's.
+
+    ``failed`` (n,): what one raised, or gave that is no deviation; its world has none from then on.
+    """
+
+    def __init__(self, controllers: Sequence[Controller]) -> None:
+        self._controllers = controllers
+        self.failed: Mask = np.zeros(len(controllers), dtype=np.bool_)
+        self.saturated: Mask = np.zeros((len(controllers), 1), dtype=np.bool_)
+
+    def __call__(self, observation: Observation) -> Vector:
+        """Return the deviations (n, 2, 6)."""
+        shape = (*observation.nominal.coordinates.shape[:-1], 6)
+        deviation = np.zeros(shape)
+        for world, controller in enumerate(self._controllers):
+            if self.failed[world]:
+                continue
+            try:
+                given = as_numbers(controller(of_world(observation, world)))
+            except (Exception, SystemExit):  # the world is run again alone, and says what it was
+                self.failed[world] = True
+                continue
+            if given.shape != shape[1:] or not np.isfinite(given).all():
+                self.failed[world] = True
+                continue
+            deviation[world] = given
+            self.saturated[world] = np.any(getattr(controller, "saturated", NEVER))
+        return deviation
+
+
+def of_world(observation: Observation, world: int) -> Observation:
+    """Return what is observed in one of many worlds."""
+
+    def part(value: Vector | Wrench | PlanarPose) -> Vector | Wrench | PlanarPose:
+        if isinstance(value, Wrench):
+            return Wrench(value.components[world], value.frame, value.point)
+        if isinstance(value, PlanarPose):
+            return PlanarPose(value.coordinates[world])
+        return value[world]
+
+    names = ("raw", "filtered", "clipped", "fresh", "joints_rad", "measured", "nominal", "aside")
+    return msgspec.structs.replace(
+        observation,
+        phase=str(np.asarray(observation.phase)[world]),
+        **{name: part(getattr(observation, name)) for name in names},
+    )

@@ -1,0 +1,178 @@
+"""The bending loop of n worlds, cycle by cycle; a world that ends before its motion does is left.
+
+What a world does is what :class:`dualbend.task.bending.run.BendingRun` does, by the same objects
+with one more axis, to the bit. Whatever would end it early, a protective stop, a contact, a
+simulation that is not valid, takes it out of the batch: it is run again alone, and says what it is.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from dualbend.batch.controllers import OneByOne, joined
+from dualbend.batch.physics import CpuPhysics
+from dualbend.control.controller import ControlledPath, Observation
+from dualbend.control.servo import JointServo
+from dualbend.control.wrist import WristSensors
+from dualbend.imperfection.link import CommandLink
+from dualbend.run.cell import make_guard, make_integral, make_response, make_sensor_guard
+from dualbend.run.planar import has_snapped
+from dualbend.run.record import RunRecord
+from dualbend.scene.believed import BelievedArms, Measured
+from dualbend.scene.correction import PoseCorrection, grip_frames
+from dualbend.scene.observation import PLANAR
+from dualbend.scene.posed import PosedWorlds
+from dualbend.scene.warnings import warnings_counted_only
+from dualbend.task.bending.run import BendingRun
+from dualbend.types import SIDES, Mask, PlanarPose, Vector
+
+
+class BatchLoop:
+    """Closed loops of n bending runs of one structure, see :func:`dualbend.batch.group.structure`.
+
+    Attributes
+    ----------
+    left : (n,) worlds that ended before their motion did
+    rows : cycles that are done
+    """
+
+    def __init__(self, runs: Sequence[BendingRun], threads: int) -> None:
+        for run in runs:
+            run.begin()
+        self._runs, first, n = runs, runs[0], len(runs)
+        scenario, cells = first.scenario, [run.cell for run in runs]
+        shape, robots = (n,), [cell.ik.model for cell in cells]
+        self._physics = CpuPhysics(cells, threads)
+        self._sample = self._physics.start()
+        self._sensors = WristSensors.stacked([run.sensors for run in runs])
+        robot = scenario.robot
+        self._controller = joined([run.path.controller for run in runs])
+        delays = [robot.delay_of(side) for side in SIDES]
+        self._path = ControlledPath(
+            self._controller, delay_cycles=delays, mode=robot.alter.mode, shape=shape
+        )
+        self._link = CommandLink.stacked([run.link for run in runs]) if first.link else None
+        self._guard = make_guard(scenario, first.cell, shape)
+        self._sensor_guard = make_sensor_guard(scenario, first.sensors, shape)
+        self._servo = JointServo.stacked([cell.servo for cell in cells])
+        self._integral = make_integral(scenario, robots[0], shape)
+        self._response = make_response(scenario, first.cell.arms, shape)
+        self._response.reset(np.stack([cell.home for cell in cells]))
+        self._posed = PosedWorlds(robots, threads)
+        self._near = PoseCorrection(robots[0], self._posed)
+        errors = scenario.imperfections.robot
+        believed = BelievedArms(robots[0], PosedWorlds(robots, threads))
+        self._measured = Measured(
+            self._physics.observer, self._physics.data, believed if errors.displaces else None
+        )
+        if errors.weighs_wrong:
+            self._physics.fed_forward = believed.coriolis
+        self._motion(runs)
+        self._trace = first.recorder(int(self._cycles.max()), shape)
+        self._q = self._nominal_q[:, 0].copy()
+        self._active: Mask = np.ones(n, dtype=np.bool_)
+        self.left: Mask = np.zeros(n, dtype=np.bool_)
+        self.rows = 0
+
+    def _motion(self, runs: Sequence[BendingRun]) -> None:
+        """Hold what each world is to do in each cycle, the last one again after its end."""
+        self._cycles = np.array([run.motion.cycles for run in runs])
+        longest = int(self._cycles.max())
+
+        def table(rows: Sequence[Vector]) -> Vector:
+            more = [(longest - len(row), row) for row in rows]
+            return np.stack([np.concatenate((row, row[-1:].repeat(k, axis=0))) for k, row in more])
+
+        self._poses = table([run.nominal_poses for run in runs])
+        self._nominal_q = table([run.nominal_q for run in runs])
+        self._phases = table([run.motion.phase for run in runs])
+        self._names = np.array(runs[0].phases)
+
+    def run(self) -> Iterator[tuple[int, RunRecord]]:
+        """Run all to their ends; yield each world that came to it, and its record, as it does."""
+        started = time.perf_counter()
+        with warnings_counted_only():
+            for n in range(int(self._cycles.max()) + 1):
+                ended = np.flatnonzero(self._active & (self._cycles == n))
+                self._active[ended] = False
+                for world in ended.tolist():
+                    yield world, self._record(world, (time.perf_counter() - started) / len(ended))
+                if not self._active.any():
+                    return
+                self._cycle(n)
+
+    def _cycle(self, n: int) -> None:
+        """Run one command cycle of the active worlds, as a single run's does."""
+        began = time.perf_counter()
+        physics, trace = self._physics, self._trace
+        seen = physics.observe(self._active)
+        pose = self._poses[:, n]
+        period_s = self._runs[0].scenario.period_s
+        bends = physics.observer.sheet.bending_angles(physics.data)
+        drawn = np.stack((pose[:, 2], -pose[:, 0], pose[:, 1]), axis=-1)
+        trace.observe(
+            trace.rows * period_s, self._phases[:, n], drawn, seen, physics.data.qpos, bends
+        )
+        reference = self._response.position
+        beyond = self._guard.outside(seen.q, seen.speed, seen.torque, reference)
+        self._leave(beyond.any(axis=(0, -1)) | has_snapped(seen.sag, pose[:, 2]))
+        self._displace(n)
+        axes = self._measured.sensor_axes(self._sample.rotation, seen)
+        reading = self._sensors.read(self._sample.wrench, axes, new=self._sample.new)
+        trace.record_reading(reading)
+        self._leave(self._sensor_guard.outside(reading.clipped, reading.fresh).any(axis=(0, -1)))
+        observed = Observation.of(
+            reading,
+            time_s=(trace.rows - 1) * period_s,
+            phase=self._names[self._phases[:, n]],
+            joints_rad=seen.q,
+            measured=PlanarPose(self._measured.grips(seen)[..., PLANAR]),
+            nominal=PlanarPose(np.repeat(pose[:, np.newaxis], len(SIDES), axis=1)),
+            aside=self._measured.aside(seen),
+        )
+        command = self._path.command(observed)
+        if isinstance(self._controller, OneByOne):
+            self._leave(self._controller.failed)
+        start = self._nominal_q[:, n] + (self._q - self._nominal_q[:, max(n - 1, 0)])
+        frames = grip_frames(command.pose.coordinates, command.aside)
+        solution = self._near.solve(*frames, start)
+        self._leave(~np.asarray(solution.reached))
+        self._q = solution.q
+        sent, ages = self._q, ()
+        if self._link is not None:
+            sent = self._link.deliver(self._q)
+            ages = self._link.ages
+            self._leave(self._link.stopped)
+        error = reference - seen.q
+        offset = self._integral.update(error)
+        now = self._response.update(sent)
+        setpoints = self._servo.setpoint(now.position, now.velocity, now.acceleration)
+        self._sample = physics.advance(setpoints + offset[:, np.newaxis], self._active)
+        self._leave(physics.failed)
+        wall_s = (time.perf_counter() - began) / len(self._runs)
+        trace.record_control(observed, command, solution, wall_s, ages)
+
+    def _leave(self, worlds: Mask) -> None:
+        """Leave worlds to be run alone."""
+        self.left |= worlds & self._active
+        self._active &= ~worlds
+
+    def _displace(self, n: int) -> None:
+        """Record and apply the misalignment of the grips."""
+        if self._runs[0].grip_errors is None:
+            return
+        physics = self._physics
+        turns = physics.observer.roll_and_yaw(physics.data)
+        self._trace.record_task(turns.reshape(len(self._runs), -1))
+        for world in np.flatnonzero(self._active).tolist():
+            if (errors := self._runs[world].changed_errors(n)) is not None:
+                physics.displace(world, errors)
+
+    def _record(self, world: int, wall_s: float) -> RunRecord:
+        run = self._runs[world]
+        run.trace = self._trace.of_world(world, int(self._cycles[world]))
+        run.cell.simulation.data.time = self._physics.time_s[world]
+        return run.record("completed", wall_time_s=wall_s)

@@ -1,0 +1,142 @@
+"""The physics of n cells of one structure, on all cores: :class:`mujoco.batch.Batch`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import mujoco
+import numpy as np
+from mujoco.batch import MODEL_FIELDS, Batch, SimulationError
+
+from dualbend.imperfection.robot import Stribeck
+from dualbend.run.cell import RobotCell
+from dualbend.scene.observation import Observation, SensorSample
+from dualbend.types import Mask, Vector
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_SITES = ("site_pos", "site_quat")
+
+
+class CpuPhysics:
+    """The physics of cells that are at their start; each world's numbers are its own.
+
+    Attributes
+    ----------
+    failed : (n,) worlds that are no longer valid, or in which anything has touched
+    data : the fields of an MjData, each with the axis of worlds
+    """
+
+    def __init__(self, cells: Sequence[RobotCell], threads: int) -> None:
+        self._cells, first = cells, cells[0].simulation
+        self.observer, self._samples = first.observer, first.samples
+        self._steps, self._dofs = first.steps, first.dofs
+        self.data = Batch(first.model, len(cells), threads, persistent=True)
+        models = [cell.simulation.model for cell in cells]
+        for name in differing(models):
+            field = self.data.expand(name)
+            for row, model in zip(field, models, strict=True):
+                row[...] = getattr(model, name)[: len(row)] if row.ndim else getattr(model, name)
+        for name in ("site_xpos", "site_xmat", "xpos", "sensordata", "qfrc_actuator"):
+            self.data.bind(name)
+        for name in ("qfrc_bias", "qfrc_gravcomp"):
+            self.data.bind(name)
+        self._stiffness = np.stack([cell.simulation.actuator_stiffness for cell in cells])
+        self._friction = None
+        if cells[0].friction_law is not None:
+            laws = [cell.friction_law for cell in cells]
+            speeds = self.data.bind("qvel")
+            self._friction = Stribeck.stacked(laws, self.data.expand("dof_frictionloss"), speeds)
+        self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
+        self.failed: Mask = np.zeros(len(cells), dtype=np.bool_)
+
+    def start(self) -> SensorSample:
+        """Take over where the cells are; return the first samples."""
+        states = self.data.state
+        for state, cell in zip(states, self._cells, strict=True):
+            mujoco.mj_getState(cell.simulation.model, cell.simulation.data, state, _STATE)
+        # The first observation tells the torques of the start, which no step has computed yet.
+        begun = states.copy()
+        self.data.forward()
+        states[:] = begun
+        samples = [cell.simulation.samples.taken for cell in self._cells]
+        wrench, rotation = (np.stack(part) for part in zip(*samples, strict=True))
+        return self._samples.reset((wrench, rotation))
+
+    @property
+    def time_s(self) -> Vector:
+        """Time of each world (n,) [s]."""
+        return np.asarray(self.data.bind("time"))
+
+    def observe(self, active: Mask) -> Observation:
+        """As :meth:`dualbend.scene.simulation.Simulation.observe`, of the active worlds."""
+        self._guarded(lambda ids: self.data.forward(ids, mujoco.mjtStage.mjSTAGE_VEL), active)
+        return self.observer.observation(self.data, self.observer.pad_loads(self.data))
+
+    def displace(self, world: int, errors: Vector) -> None:
+        """Let a world's sheet edges lie off their grippers, as its own simulation has it."""
+        simulation = self._cells[world].simulation
+        simulation.displace_grasps(errors)
+        for name in _SITES:
+            self.data.expand(name)[world] = getattr(simulation.model, name)
+
+    def advance(self, setpoints: Vector, active: Mask) -> SensorSample:
+        """Run one command cycle on set-points (n, steps, joints) [rad], in the active worlds."""
+        data = self.data
+        if self.fed_forward is None:
+            torque = data.qfrc_bias[:, self._dofs] - data.qfrc_gravcomp[:, self._dofs]
+        else:
+            torque = self.fed_forward(self.q, data.qvel[:, self._dofs])
+        control = np.repeat(data.ctrl[:, np.newaxis], self._steps, axis=1)
+        feed_forward = (torque / self._stiffness)[:, np.newaxis]
+        control[..., : setpoints.shape[-1]] = setpoints + feed_forward
+        done = 0
+        while done < self._steps:
+            left = self._steps - done
+            steps = 1 if self._friction is not None else min(self._samples.to_next, left)
+            self._roll(control[:, done : done + steps], active & ~self.failed)
+            done += steps
+            if self._friction is not None:
+                self._friction.on_step()
+            if self._samples.passed(steps):
+                self._samples.take(self.observer.sample(data))
+        self.failed |= data.warning.reshape(len(self.failed), -1).any(axis=-1)
+        return self._samples.told()
+
+    @property
+    def q(self) -> Vector:
+        """Joint angles (n, joints) [rad]."""
+        return self.observer.joint_angles(self.data)
+
+    def _roll(self, control: Vector, active: Mask) -> None:
+        whole = bool(active.all())
+
+        def roll(ids: Vector | None) -> None:
+            found = self.data.rollout(
+                control.shape[1], control if whole else control[active], record=("ncon",), ids=ids
+            )
+            touched = found["ncon"].reshape(-1, control.shape[1]).any(axis=-1)
+            self.failed[slice(None) if ids is None else ids] |= touched
+
+        self._guarded(roll, active)
+
+    def _guarded(self, call: Callable[[Vector | None], None], active: Mask) -> None:
+        """Call with the active worlds; those in which MuJoCo raises an error fail alone."""
+        ids = None if active.all() else np.flatnonzero(active)
+        if ids is not None and not ids.size:
+            return
+        try:
+            call(ids)
+        except SimulationError as error:
+            self.failed[error.ids] = True
+
+
+def differing(models: Sequence[mujoco.MjModel]) -> list[str]:
+    """Return the names of the fields of which some model has other values than the first."""
+    names = [name for name in sorted(MODEL_FIELDS) if not name.startswith("opt.")]
+    first = {name: getattr(models[0], name, None) for name in names}
+    return [
+        name
+        for name, value in first.items()
+        if isinstance(value, np.ndarray)
+        and not all(np.array_equal(value, getattr(model, name)) for model in models[1:])
+    ]
