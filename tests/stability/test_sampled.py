@@ -82,7 +82,7 @@ def stream(
     was made that each cycle executes.
     """
     response = CommandResponse(parts.response.config, 2, STEPS, period_s=COMMAND_PERIOD_S)
-    low_pass = LowPass(parts.low_pass.config, 2, period_s=COMMAND_PERIOD_S)
+    low_pass = LowPass.stacked([parts.low_pass] * 2)
     delay = TransportDelay(parts.delay.cycles, 2)
     admittance = Admittance(parts.admittance.config, period_s=COMMAND_PERIOD_S)
     positions = [np.zeros(2)] * (2 + parts.age_steps)
@@ -92,7 +92,7 @@ def stream(
         at = -1 - parts.age_steps
         moved = positions[at] - behind * np.sign(positions[at] - positions[at - 1])
         reading = wrench - stiffness @ moved - inertia @ accelerations[at]
-        deviation = admittance.update(low_pass.update(reading), 1.0)
+        deviation = admittance.update(low_pass.update(reading[:, np.newaxis])[:, 0], 1.0)
         out.append(deviation)
         sent = deviation if late is None else out[-1 - min(late[len(out) - 1], len(out) - 1)]
         reference = response.update(delay.update(sent))

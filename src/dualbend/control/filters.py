@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dualbend.control.clock import TransferFunction, rational, refuse_beyond_nyquist
+from dualbend.control.worlds import Stackable
 from dualbend.types import Tagged, Vector, said
 
 
@@ -87,7 +88,7 @@ def _transposed_form(numerator: Vector, denominator: Vector) -> tuple[Vector, Ve
     return step, np.cumsum((b - a)[:0:-1])[::-1]
 
 
-class LowPass:
+class LowPass(Stackable):
     """Streaming low-pass filter of unit DC gain, H(z) = Σ bᵢ z⁻ⁱ / Σ aᵢ z⁻ⁱ, one per channel.
 
     The FIR is a windowed sinc (`scipy.signal.firwin`, linear phase), the IIR a Butterworth
@@ -105,15 +106,20 @@ class LowPass:
         shape: tuple[int, ...] = (),
     ) -> None:
         refuse_filter(config, period_s)
-        self.config, self.period_s = config, period_s
+        self.period_s = period_s
         self._numerator, self._denominator = _design(config, period_s)
-        self._step, self._steady = _transposed_form(self._numerator, self._denominator)
-        self._signal = np.zeros((*shape, len(self._step), channels))
+        step, steady = _transposed_form(self._numerator, self._denominator)
+        any_of = (1,) * len(shape)
+        self._step, self._steady = (
+            step.reshape(*any_of, *step.shape),
+            steady.reshape(*any_of, -1, 1),
+        )
+        self._signal = np.zeros((*shape, len(step), channels))
 
     def reset(self, value: ArrayLike) -> None:
         """Set the memory to the steady state of a constant input, so that no transient starts."""
         self._signal[..., 0, :] = value
-        self._signal[..., 1:, :] = self._steady[:, np.newaxis] * self._signal[..., :1, :]
+        self._signal[..., 1:, :] = self._steady * self._signal[..., :1, :]
 
     def update(self, value: Vector) -> Vector:
         """Take one sample (..., channels) and return the filtered one, in the same unit."""

@@ -7,6 +7,7 @@ sensor, (), and on any leading shape of them alike.
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Annotated
 
 import msgspec
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dualbend.control.filters import LowPass
+from dualbend.control.worlds import BLOCK, Stackable, drawn
 from dualbend.errors import InputError
 from dualbend.types import Config, Mask, Vector, Wrench, matvec, said
 
@@ -114,13 +116,13 @@ def _whole_counts(full_range: float, count: float) -> float:
     return math.floor(full_range / count + 1e-9) * count if count else full_range
 
 
-class Sensor:
+class Sensor(Stackable):
     """Read a true wrench in S: add bias and white noise, clip to the range, round to counts.
 
     ``rng`` is the source of the noise; with a
     leading shape one for each sensor, in C order: its noise does not depend on the others'. It is
-    not drawn from when both noises are 0. ``arrived`` (...): of the last reading, that its record
-    came; here it always does.
+    drawn ahead, and not from where both noises are 0. ``arrived`` (...): of the last reading, that
+    its record came; here it always does.
 
     Raises
     ------
@@ -134,7 +136,6 @@ class Sensor:
         rng: np.random.Generator | Sequence[np.random.Generator],
         shape: tuple[int, ...] = (),
     ) -> None:
-        self.config = config
         streams = [rng] if isinstance(rng, np.random.Generator) else rng
         if len(streams) != math.prod(shape):
             raise InputError(
@@ -142,26 +143,31 @@ class Sensor:
                 f"need {math.prod(shape)}, one for each"
             )
         self.arrived: Mask = np.ones(shape, dtype=np.bool_)
+        self.may_repeat: Mask = np.full(shape, config.may_repeat)
+        self.lever_arm_m = np.full(shape, config.lever_arm_m)
         whole = (*shape, 6)
         self._bias = np.broadcast_to([*config.force_bias_n, *config.torque_bias_nm], whole).copy()
         self._scale = _each((config.force_noise_n, config.torque_noise_nm), whole)
-        self._noise = np.zeros(whole)
-        rows = self._noise.reshape(-1, 6)
-        self._streams = list(zip(streams, rows, strict=True)) if self._scale.any() else []
+        noisy = self._scale.any()
+        self._noises = [
+            partial(stream.standard_normal, (BLOCK, 6)) if noisy else None for stream in streams
+        ]
         counts = (config.force_resolution_n, config.torque_resolution_nm)
         self._highest = _each(config.full_scale, whole)
         self._lowest = -self._highest
         # Channels that have counts: all, the forces, the torques or none.
         self._rounded = slice(0 if counts[0] else 3, 6 if counts[1] else 3)
         self._count = _each(counts, whole)[..., self._rounded]
+        self._readings = 0
 
     def read(self, wrench: Vector) -> tuple[Vector, Mask]:
         """Return the reading of a true wrench in S [N, N m] and where it is clipped (..., 6)."""
+        at = self._readings % BLOCK
+        if not at:
+            self._noise = self._scale * drawn(self._noises, self._scale.shape[:-1], 6)
+        self._readings += 1
         wrench = wrench + self._bias
-        if self._streams:
-            for stream, row in self._streams:
-                stream.standard_normal(out=row)
-            wrench += self._scale * self._noise
+        wrench += self._noise[at]
         reading = np.minimum(np.maximum(wrench, self._lowest), self._highest)
         clipped = reading != wrench
         part = reading[..., self._rounded]
@@ -178,7 +184,7 @@ def _each(pair: Sequence[float], shape: tuple[int, ...]) -> Vector:
     return np.broadcast_to(np.repeat(pair, 3), shape).copy()
 
 
-class ToolGravityCompensation:
+class ToolGravityCompensation(Stackable):
     """Know the weight of what is bolted to the sensor: F = m g R_WSᵀ (0, 0, −1), M = c × F.
 
     The sheet is not part of it: its weight is a load, and a clamped flat sheet has a moment of
@@ -225,7 +231,7 @@ class WrenchReading(msgspec.Struct, frozen=True, kw_only=True):
         return self.grips.part(1)
 
 
-class WrenchChain:
+class WrenchChain(Stackable):
     """Sensor, tool compensation, move to the grip centre and low-pass.
 
     F_G = R_GS (F_S − F_tool), M_G = R_GS (M_S − M_tool − r × (F_S − F_tool)), with r the lever arm
@@ -255,12 +261,13 @@ class WrenchChain:
         ):
             raise InputError(f"rotation_grip_sensor: need a (3, 3) rotation, got {rotation!r}")
         self.sensor, self.tool, self.low_pass = sensor, tool, low_pass
-        lever = np.array([sensor.config.lever_arm_m, 0.0, 0.0])
-        units = Wrench(np.eye(6), "sensor", "sensor").turned(rotation, "grip").moved(lever, "grip")
-        self._to_grip = units.components.T.copy()
+        lever = np.multiply.outer(sensor.lever_arm_m, np.eye(1, 3))
+        axes = np.broadcast_to(np.eye(6), (*sensor.lever_arm_m.shape, 6, 6))
+        units = Wrench(axes, "sensor", "sensor").turned(rotation, "grip").moved(lever, "grip")
+        self._to_grip = units.components.mT.copy()
         self._primed = False
-        self._last = np.full(1, np.nan)
-        self._clipped: Mask = np.zeros(1, dtype=np.bool_)
+        self._last = np.full(self._to_grip.shape[:-1], np.nan)
+        self._clipped: Mask = np.zeros(self._last.shape, dtype=np.bool_)
 
     def update(
         self, wrench: Vector, rotation_world_sensor: Vector, *, new: bool = True
@@ -270,7 +277,7 @@ class WrenchChain:
         ``new``: it is another sample than the last one.
         """
         reading, clipped = self.sensor.read(wrench) if new else (self._last, self._clipped)
-        changed = np.any(reading != self._last, axis=-1) | self.sensor.config.may_repeat
+        changed = np.any(reading != self._last, axis=-1) | self.sensor.may_repeat
         self._last, self._clipped = reading, clipped
         grips = np.empty((2, *reading.shape))
         grips[0] = matvec(self._to_grip, reading - self.tool.wrench(rotation_world_sensor))

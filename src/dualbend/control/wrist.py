@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from dualbend.control.force_torque import WrenchChain, WrenchReading
+from dualbend.control.worlds import Stackable
 from dualbend.types import Vector, Wrench
 
 
@@ -16,7 +17,7 @@ def arm_slice(arms: Sequence[int]) -> slice:
     return slice(min(arms), max(arms) + 1) if arms else slice(0)
 
 
-class WristSensors:
+class WristSensors(Stackable):
     """The wrench chain of those arms, by index, that carry a sensor: its last leading axis."""
 
     def __init__(self, chain: WrenchChain, arms: Sequence[int]) -> None:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import islice
 
 import numpy as np
 
+from dualbend.control.worlds import BLOCK, Draw
 from dualbend.types import Vector
 
 _CUT = 3.0
@@ -30,3 +34,15 @@ def noise_streams(seed: int, count: int, repeat: int = 0) -> list[np.random.Gene
 def cut_normal(rng: np.random.Generator, spread: float, shape: tuple[int, ...]) -> Vector:
     """Draw normal errors of standard deviation ``spread``, cut at three of it: no part is worse."""
     return np.clip(rng.standard_normal(shape), -_CUT, _CUT) * spread
+
+
+def ahead(
+    draw: Callable[[tuple[int, ...]], Vector], *size: int, when: float | bool = True
+) -> Draw | None:
+    """Return what draws numbers (*size) for the next BLOCK cycles; None where none are needed."""
+    return partial(draw, (BLOCK, *size)) if when else None
+
+
+def ahead_of(events: Iterator[bool], *, when: float | bool = True) -> Draw | None:
+    """Return what takes events, of one cycle each, for the next BLOCK cycles, as :func:`ahead`."""
+    return (lambda: np.fromiter(islice(events, BLOCK), np.bool_, BLOCK)) if when else None

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Sequence
-from typing import Annotated, Literal
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import repeat as repeated
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualbend.control.guard import ProtectiveStop
-from dualbend.imperfection.draws import stream
-from dualbend.types import Config, Side, Vector, said
+from dualbend.control.worlds import BLOCK, Stackable, drawn
+from dualbend.imperfection.draws import ahead, ahead_of, stream
+from dualbend.types import Config, Mask, Side, Vector, said
 
 Policy = Literal["hold", "extrapolate", "stop"]
+_LARGEST_NORMAL = 12.3
+"""NumPy's normal numbers are smaller: the tail of its ziggurat ends at 3.65 + √(106 ln 2)."""
 
 
 class LinkConfig(Config):
@@ -63,8 +67,8 @@ class LinkConfig(Config):
         )
 
 
-class CommandLink:
-    """The joint set-points (n,) of both arms on their way to the robot controllers.
+class CommandLink(Stackable):
+    """The joint set-points (..., n) of both arms on their way to the robot controllers.
 
     ``joints``: number of joints of each arm of ``sides``; ``start``: set-points (n,) [rad] that the
     controllers have before the first command. One is sent a cycle of ``period_s`` [s].
@@ -82,101 +86,143 @@ class CommandLink:
         period_s: float,
         repeat: int = 0,
     ) -> None:
-        ends = itertools.accumulate(joints)
-        self._own = [slice(end - n, end) for end, n in zip(ends, joints, strict=True)]
-        self._arms = [
-            _Arm(config, seed, side, start[own], period_s, repeat)
-            for side, own in zip(sides, self._own, strict=True)
+        self._sides, self._joints = tuple(sides), tuple(joints)
+        arms = len(sides)
+        lost = config.lost_probability
+
+        def streams(name: str) -> list[np.random.Generator]:
+            return [stream(seed, "link", side, name, repeat=repeat) for side in sides]
+
+        # Each has a stream of its own: no kind of error moves the draws of another.
+        self._jitter = [
+            ahead(own.standard_normal, when=config.jitter_s) for own in streams("jitter")
         ]
+        self._late = [ahead(own.random, when=config.late_probability) for own in streams("late")]
+        self._lost = [
+            ahead_of(_losses(own, lost, config.burst_cycles), when=lost) for own in streams("lost")
+        ]
+        self._doubled = [
+            ahead(own.random, when=config.doubled_probability) for own in streams("doubled")
+        ]
+        of_arms = partial(np.full, arms)
+        self._jitter_s, self._slack_s = of_arms(config.jitter_s), of_arms(config.slack_s)
+        self._p_late = of_arms(config.late_probability)
+        self._p_doubled = of_arms(config.doubled_probability)
+        self._extrapolates = of_arms(config.policy == "extrapolate")
+        self._stop_cycles = of_arms(1 if config.policy == "stop" else config.stop_cycles)
+        latest = np.ceil(_LARGEST_NORMAL * config.jitter_s / period_s)
+        self._period_s, self._remembered = of_arms(period_s), of_arms(int(latest) + 2)
+        self._executed = self._before = start
+        self._newest, self._missing = np.full(arms, -1), np.zeros(arms, dtype=np.int_)
+        self._again: Mask = np.zeros(arms, dtype=np.bool_)
+        self._cycle, self._waiting = -1, False
 
     def deliver(self, setpoint: Vector) -> Vector:
-        """Send the set-points of a cycle and return those that are executed in it.
+        """Do what :meth:`forward` does with the set-points (n,) of a single robot cell.
 
         Raises
         ------
         ProtectiveStop
             An arm has been without a command for too long.
         """
-        return np.concatenate(
-            [arm.deliver(setpoint[own]) for arm, own in zip(self._arms, self._own, strict=True)]
-        )
+        executed = self.forward(setpoint)
+        if self._waiting:
+            for side, cycles in zip(self._sides, self.starved, strict=True):
+                if cycles:
+                    raise no_command(side, cycles)
+        return executed
 
-    @property
-    def ages(self) -> list[int]:
-        """How many cycles ago the newest command that each arm has was due; 0: it is this one's."""
-        return [arm.age for arm in self._arms]
-
-
-class _Arm:
-    """One arm's link and what its controller executes."""
-
-    def __init__(
-        self,
-        config: LinkConfig,
-        seed: int,
-        side: Side,
-        start: Vector,
-        period_s: float,
-        repeat: int,
-    ) -> None:
-        self._config, self._side, self._period_s = config, side, period_s
-        names = ("jitter", "late", "lost", "doubled")
-        self._jitter, self._late, self._lost, self._doubled = (
-            stream(seed, "link", side, name, repeat=repeat) for name in names
-        )
-        self._due: dict[int, tuple[int, Vector]] = {}
-        self._executed = self._before = start
-        self._cycle = self._newest = -1
-        self._missing, self._burst, self._again = 0, 0, False
-
-    @property
-    def age(self) -> int:
-        """Cycles since the newest command that arrived was due."""
-        return self._cycle - self._newest
-
-    def deliver(self, q: Vector) -> Vector:
-        """Send a set-point and return the one that is executed."""
+    def forward(self, setpoint: Vector) -> Vector:
+        """Send the set-points (..., n) of a cycle and return those that are executed in it."""
         self._cycle += 1
-        # All are drawn in every cycle: no kind of error moves the draws of another.
-        late, doubled = self._lateness(), self._doubled.random() < self._config.doubled_probability
-        if not self._is_lost():
-            # A newer command takes the place of one that is due in the same cycle.
-            self._due[self._cycle + late] = self._cycle, q
-        found = self._due.pop(self._cycle, None)
-        executed = self._executed
-        if self._again:
-            self._again, self._missing = False, 0
-        elif found is not None and found[0] > self._newest:
-            self._newest, executed = found
-            self._again, self._missing = doubled, 0
+        at = self._cycle % BLOCK
+        if not at:
+            self._draw()
+        if self._waiting or self._wrong[at]:
+            executed = self._received(setpoint, at)
         else:
-            executed = self._without_command()
+            executed = setpoint.copy()
+            self._newest.fill(self._cycle)
         self._before, self._executed = self._executed, executed
         return executed
 
-    def _without_command(self) -> Vector:
-        config = self._config
-        self._missing += 1
-        if self._missing >= (1 if config.policy == "stop" else config.stop_cycles):
-            raise ProtectiveStop(
-                f"the {self._side} arm's controller got no command for {self._missing} cycle"
-                f"{'s' if self._missing > 1 else ''}",
-                self._side,
-            )
-        if config.policy == "hold":
-            return self._executed
-        return 2.0 * self._executed - self._before
+    @property
+    def starved(self) -> NDArray[np.int_]:
+        """Cycles without a command (..., arms) of arms that stop for that; 0 of all others."""
+        return np.where(self._missing >= self._stop_cycles, self._missing, 0)
 
-    def _is_lost(self) -> bool:
-        if not self._burst and self._lost.random() < self._config.lost_probability:
-            self._burst = int(self._lost.geometric(1.0 / self._config.burst_cycles))
-        lost = self._burst > 0
-        self._burst -= lost
-        return lost
+    @property
+    def age(self) -> NDArray[np.int_]:
+        """How many cycles ago the newest command that each arm has was due (..., arms)."""
+        return self._cycle - self._newest
 
-    def _lateness(self) -> int:
-        """Return by how many cycles the command is late."""
-        config = self._config
-        after_s = config.jitter_s * self._jitter.standard_normal() - config.slack_s
-        late = max(math.ceil(after_s / self._period_s), 0)
-        return max(late, int(self._late.random() < config.late_probability))
+    @property
+    def ages(self) -> list[int]:
+        """The same of a single robot cell's arms; 0: it is this cycle's."""
+        found: list[int] = self.age.tolist()
+        return found
+
+    def _draw(self) -> None:
+        """Draw when the next commands arrive and which are lost or doubled."""
+        shape = self._newest.shape
+        if not self._cycle:
+            # Command s is in row s of these, modulo their length, and is due in row s + late.
+            rows = int(self._remembered.max())
+            self._sent = np.zeros((rows, *self._executed.shape))
+            # The last row is of those that are lost.
+            self._due = np.full((rows + 1, *shape), -1)
+            self._arms = tuple(np.indices(shape))
+            self._axes = tuple(np.indices(self._executed.shape))
+        after_s = self._jitter_s * drawn(self._jitter, shape) - self._slack_s
+        late = np.maximum(np.ceil(after_s / self._period_s), 0.0).astype(np.int_)
+        late = np.maximum(late, drawn(self._late, shape) < self._p_late)
+        lost = drawn(self._lost, shape) > 0.0
+        self._doubles = drawn(self._doubled, shape) < self._p_doubled
+        cycles = np.arange(self._cycle, self._cycle + BLOCK).reshape(-1, *[1] * len(shape))
+        rows = len(self._sent)
+        self._arrives = np.where(lost, rows, (cycles + late) % rows)
+        wrong = (late > 0) | lost | self._doubles
+        self._wrong = wrong.reshape(BLOCK, -1).any(axis=1).tolist()
+
+    def _received(self, setpoint: Vector, at: int) -> Vector:
+        """Send the set-points (..., n) of a cycle in which an arm may not get its own command."""
+        row = self._cycle % len(self._sent)
+        self._sent[row] = setpoint
+        # A newer command takes the place of one that is due in the same cycle.
+        self._due[(self._arrives[at], *self._arms)] = self._cycle
+        found = self._due[row].copy()
+        self._due[row] = -1
+        new = (found > self._newest) & ~self._again
+        without = ~(new | self._again)
+        self._newest = np.where(new, found, self._newest)
+        self._missing = (self._missing + 1) * without
+        self._again = new & self._doubles[at]
+        self._waiting = bool((self._again | without).any())
+        came = self._of_joints(found % len(self._sent))
+        executed = np.where(self._of_joints(new), self._sent[(came, *self._axes)], self._executed)
+        further = without & self._extrapolates
+        if further.any():
+            at_last_speed = 2.0 * self._executed - self._before
+            executed = np.where(self._of_joints(further), at_last_speed, executed)
+        return executed
+
+    def _of_joints(self, of_arms: NDArray[Any]) -> NDArray[Any]:
+        """Return for each joint (..., n) what is said of its arm (..., arms)."""
+        return np.repeat(of_arms, self._joints, axis=-1)
+
+
+def no_command(side: Side, cycles: int) -> ProtectiveStop:
+    """Return the stop of an arm that has been without a command for so many cycles."""
+    plural = "s" if cycles > 1 else ""
+    return ProtectiveStop(
+        f"the {side} arm's controller got no command for {cycles} cycle{plural}", side
+    )
+
+
+def _losses(rng: np.random.Generator, probability: float, burst_cycles: float) -> Iterator[bool]:
+    """Tell of each command whether it is lost; in a burst no other one can begin."""
+    while True:
+        if rng.random() < probability:
+            yield from repeated(True, int(rng.geometric(1.0 / burst_cycles)))
+        else:
+            yield False

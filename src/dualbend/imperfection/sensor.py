@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated
 
 import msgspec
 import numpy as np
 
 from dualbend.control.force_torque import ForceTorqueConfig, Sensor
-from dualbend.imperfection.draws import cut_normal, stream
-from dualbend.types import Config, Mask, Side, Vector, said
+from dualbend.control.worlds import BLOCK, drawn
+from dualbend.imperfection.draws import ahead, ahead_of, cut_normal, stream
+from dualbend.types import Config, Mask, Side, Vector, matvec, said
 
 _HOUR_S = 3600.0
 
@@ -117,85 +118,100 @@ class ErringSensor(Sensor):
         repeat: int = 0,
     ) -> None:
         super().__init__(config, rng, shape)
-        self._each = [_Errors(errors, config, *arm, period_s, repeat) for arm in arms]
+
+        def streams(name: str, repeat: int = 0) -> list[np.random.Generator]:
+            return [stream(seed, "sensor", side, name, repeat=repeat) for seed, side in arms]
+
+        def parts(name: str, *size: int) -> Vector:
+            """Return what is each sensor's own for ever, of standard deviation 1."""
+            every = [cut_normal(own, 1.0, size) for own in streams(name)]
+            return np.reshape(every, (*shape, *size))
+
+        full = _pair(*config.full_scale)
+        talk = parts("cross-talk", 6, 6) * errors.cross_talk_spread
+        self._matrix = talk * np.divide.outer(full, full)
+        axes = np.arange(6)
+        scale = errors.scale_ratio + parts("scale", 6) * errors.scale_spread
+        self._matrix[..., axes, axes] = scale
+        spread = _pair(errors.force_drift_spread_n_per_h, errors.torque_drift_spread_nm_per_h)
+        rate = _pair(errors.force_drift_n_per_h, errors.torque_drift_nm_per_h)
+        rate = rate + spread * parts("drift", 6)
+        walk = _pair(errors.force_walk_n, errors.torque_walk_nm) + np.zeros_like(rate)
+        self._drift_per_cycle = rate * period_s / _HOUR_S
+        self._walk_per_cycle = walk * np.sqrt(period_s / _HOUR_S)
+        walks, before = streams("walk", repeat), errors.zeroed_before_s / _HOUR_S
+        walked = np.reshape([own.standard_normal(6) for own in walks], walk.shape)
+        self._drift = rate * before + walk * np.sqrt(before) * walked
+        self._walks = [ahead(own.standard_normal, 6, when=bool(walk.any())) for own in walks]
+        chance = errors.spike_probability
+        self._spikes = [ahead(own.random, 3, when=chance) for own in streams("spike", repeat)]
+        self._spike_probability = np.full(shape, chance)
+        self._spike = _pair(errors.spike_force_n, errors.spike_torque_nm) + np.zeros_like(rate)
+        chance, cycles = errors.dropout_probability, errors.dropout_cycles
+        self._dropouts = [
+            ahead_of(_dropouts(own, chance, cycles), when=chance)
+            for own in streams("drop-out", repeat)
+        ]
+        stuck = np.reshape([side in errors.stuck for _, side in arms], shape)
+        until_s = errors.stuck_from_s + errors.stuck_for_s
+        self._stuck_from = np.where(stuck, errors.stuck_from_s / period_s - 1e-6, 0.0)
+        self._stuck_until = np.where(stuck, until_s / period_s - 1e-6, 0.0)
+        self._last: tuple[Vector, Mask] | None = None
 
     def read(self, wrench: Vector) -> tuple[Vector, Mask]:
         """Return the readings of wrenches in S [N, N m] and where they are clipped (..., 6)."""
-        told = wrench.reshape(-1, 6)
-        told = np.array([e.distort(one) for e, one in zip(self._each, told, strict=True)])
-        reading, clipped = super().read(told.reshape(wrench.shape))
-        rows = zip(self._each, reading.reshape(-1, 6), clipped.reshape(-1, 6), strict=True)
-        arrived = np.array([each.repeat(one, ends) for each, one, ends in rows])
-        self.arrived = arrived.reshape(wrench.shape[:-1])
+        at = self._readings % BLOCK
+        if not at:
+            self._draw_distortions()
+            self._draw_repeats()
+        told = matvec(self._matrix, wrench) + self._drifts[at]
+        told += self._spiked[at]
+        reading, clipped = super().read(told)
+        if self._repeats[at] and self._last is not None:
+            for value, last in zip((reading, clipped), self._last, strict=True):
+                np.copyto(value, last, where=self._stands[at])
+        self._last = reading, clipped
+        self.arrived = self._arrivals[at]
         return reading, clipped
 
+    def _draw_distortions(self) -> None:
+        shape = self.arrived.shape
+        # A reading's drift is the last one's, then the rate, then the walk.
+        steps = np.empty((2 * BLOCK + 1, *shape, 6))
+        steps[0], steps[1::2] = self._drift, self._drift_per_cycle
+        steps[2::2] = self._walk_per_cycle * drawn(self._walks, shape, 6)
+        self._drifts: Vector = np.add.accumulate(steps)[::2]
+        self._drift = self._drifts[-1]
+        chance, axis, sign = np.moveaxis(drawn(self._spikes, shape, 3), -1, 0)
+        begins = chance < self._spike_probability
+        hit = begins[..., np.newaxis] & ((6.0 * axis).astype(int)[..., np.newaxis] == np.arange(6))
+        signed = np.where(sign[..., np.newaxis] < 0.5, self._spike, -self._spike)
+        self._spiked = np.where(hit, signed, 0.0)
 
-class _Errors:
-    """The errors of one sensor, cycle by cycle."""
-
-    def __init__(
-        self,
-        errors: SensorErrors,
-        config: ForceTorqueConfig,
-        seed: int,
-        side: Side,
-        period_s: float,
-        repeat: int,
-    ) -> None:
-        def draws(name: str, repeat: int = 0) -> np.random.Generator:
-            return stream(seed, "sensor", side, name, repeat=repeat)
-
-        def pair(force: float, torque: float) -> Vector:
-            return np.repeat([force, torque], 3)
-
-        self._errors, self._period_s = errors, period_s
-        full = pair(*config.full_scale)
-        talk = cut_normal(draws("cross-talk"), errors.cross_talk_spread, (6, 6))
-        self._matrix: Vector = talk * np.divide.outer(full, full)
-        scale = errors.scale_ratio + cut_normal(draws("scale"), errors.scale_spread, (6,))
-        np.fill_diagonal(self._matrix, scale)
-        spread = pair(errors.force_drift_spread_n_per_h, errors.torque_drift_spread_nm_per_h)
-        rate = pair(errors.force_drift_n_per_h, errors.torque_drift_nm_per_h)
-        rate = rate + spread * cut_normal(draws("drift"), 1.0, (6,))
-        self._drift_per_cycle = rate * period_s / _HOUR_S
-        walk = pair(errors.force_walk_n, errors.torque_walk_nm)
-        self._walk_per_cycle = walk * np.sqrt(period_s / _HOUR_S)
-        self._walks, self._spikes, self._dropouts = (
-            draws(name, repeat) for name in ("walk", "spike", "drop-out")
-        )
-        before = errors.zeroed_before_s / _HOUR_S
-        self._drift = rate * before + walk * np.sqrt(before) * self._walks.standard_normal(6)
-        self._spike = pair(errors.spike_force_n, errors.spike_torque_nm)
-        stuck_s = errors.stuck_from_s, errors.stuck_from_s + errors.stuck_for_s
-        self._stuck = [s / period_s - 1e-6 if side in errors.stuck else 0.0 for s in stuck_s]
-        self._cycle, self._missing = 0, 0
-        self._last: tuple[Vector, Mask] | None = None
-
-    def distort(self, wrench: Vector) -> Vector:
-        """Return what the transducer makes of a true wrench (6,)."""
-        told: Vector = self._matrix @ wrench + self._drift
-        self._drift = self._drift + self._drift_per_cycle
-        self._drift += self._walk_per_cycle * self._walks.standard_normal(6)
-        chance, axis, sign = self._spikes.random(3)
-        if chance < self._errors.spike_probability:
-            i = int(6 * axis)
-            told[i] += self._spike[i] if sign < 0.5 else -self._spike[i]
-        return told
-
-    def repeat(self, reading: Vector, clipped: Mask) -> bool:
-        """Put the last reading in place of one that is not told; tell whether a record arrived.
+    def _draw_repeats(self) -> None:
+        """Draw which records do not come, and find which readings are the last one again.
 
         A stuck sensor goes on sending records. The first reading of a run always arrives.
         """
-        begins = self._dropouts.random() < self._errors.dropout_probability
-        if begins and not self._missing:
-            self._missing = self._errors.dropout_cycles
-        first, last = self._stuck
-        stuck = first <= self._cycle < last
-        arrived = not self._missing or self._last is None
-        self._cycle, self._missing = self._cycle + 1, max(self._missing - 1, 0)
-        if self._last is not None and (stuck or not arrived):
-            reading[:], clipped[:] = self._last
-        else:
-            self._last = reading.copy(), clipped.copy()
-        return arrived
+        shape = self.arrived.shape
+        cycles = (self._readings + np.arange(BLOCK)).reshape(-1, *[1] * len(shape))
+        missing = drawn(self._dropouts, shape) > 0.0
+        if not self._readings:
+            missing[0] = False
+        stands = missing | ((self._stuck_from <= cycles) & (cycles < self._stuck_until))
+        self._arrivals, self._stands = ~missing, stands[..., np.newaxis]
+        self._repeats: Mask = np.any(stands.reshape(BLOCK, -1), axis=1)
+
+
+def _pair(force: float, torque: float) -> Vector:
+    return np.repeat([force, torque], 3)
+
+
+def _dropouts(rng: np.random.Generator, probability: float, cycles: int) -> Iterator[bool]:
+    """Tell of each cycle whether its record is missing; a number is drawn in each."""
+    while True:
+        begins = rng.random() < probability
+        yield begins
+        for _ in range((cycles - 1) * begins):
+            rng.random()
+            yield True
