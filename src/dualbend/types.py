@@ -7,9 +7,7 @@ its origin at the gripper centre and x into the sheet: G is B turned by the end 
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Sequence
-from typing import Any, Literal, TypeVar, dataclass_transform
+from typing import Any, Literal, dataclass_transform
 
 import msgspec
 import numpy as np
@@ -73,20 +71,6 @@ def matvec(matrix: Vector, vector: Vector) -> Vector:
     """
     product: Vector = np.matmul(matrix, vector[..., np.newaxis])[..., 0]
     return product
-
-
-T = TypeVar("T")
-
-
-def stacked(many: Sequence[T], *names: str) -> T:
-    """Return a copy of the first of many objects that has the named arrays of all of them.
-
-    The arrays get one more axis, the first. What is not named must be alike in all.
-    """
-    joined = copy.copy(many[0])
-    for name in names:
-        setattr(joined, name, np.stack([getattr(one, name) for one in many]))
-    return joined
 
 
 class PlanarPose(msgspec.Struct, frozen=True):

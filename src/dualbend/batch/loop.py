@@ -70,6 +70,7 @@ class BatchLoop:
         )
         if errors.weighs_wrong:
             self._physics.fed_forward = believed.coriolis
+        self._misaligned = first.grip_errors is not None
         self._motion(runs)
         self._trace = first.recorder(int(self._cycles.max()), shape)
         self._q = self._nominal_q[:, 0].copy()
@@ -108,6 +109,7 @@ class BatchLoop:
         """Run one command cycle of the active worlds, as a single run's does."""
         began = time.perf_counter()
         physics, trace = self._physics, self._trace
+        self._displace(n)
         seen = physics.observe(self._active)
         pose = self._poses[:, n]
         period_s = self._runs[0].scenario.period_s
@@ -119,7 +121,9 @@ class BatchLoop:
         reference = self._response.position
         beyond = self._guard.outside(seen.q, seen.speed, seen.torque, reference)
         self._leave(beyond.any(axis=(0, -1)) | has_snapped(seen.sag, pose[:, 2]))
-        self._displace(n)
+        if self._misaligned:
+            turns = physics.observer.roll_and_yaw(physics.data)
+            trace.record_task(turns.reshape(len(self._runs), -1))
         axes = self._measured.sensor_axes(self._sample.rotation, seen)
         reading = self._sensors.read(self._sample.wrench, axes, new=self._sample.new)
         trace.record_reading(reading)
@@ -143,9 +147,8 @@ class BatchLoop:
         self._q = solution.q
         sent, ages = self._q, ()
         if self._link is not None:
-            sent = self._link.deliver(self._q)
-            ages = self._link.ages
-            self._leave(self._link.stopped)
+            sent, ages = self._link.forward(self._q), self._link.age
+            self._leave((self._link.starved > 0).any(axis=-1))
         error = reference - seen.q
         offset = self._integral.update(error)
         now = self._response.update(sent)
@@ -161,15 +164,10 @@ class BatchLoop:
         self._active &= ~worlds
 
     def _displace(self, n: int) -> None:
-        """Record and apply the misalignment of the grips."""
-        if self._runs[0].grip_errors is None:
-            return
-        physics = self._physics
-        turns = physics.observer.roll_and_yaw(physics.data)
-        self._trace.record_task(turns.reshape(len(self._runs), -1))
-        for world in np.flatnonzero(self._active).tolist():
+        """Apply the misalignment of the grips."""
+        for world in np.flatnonzero(self._active).tolist() if self._misaligned else ():
             if (errors := self._runs[world].changed_errors(n)) is not None:
-                physics.displace(world, errors)
+                self._physics.displace(world, errors)
 
     def _record(self, world: int, wall_s: float) -> RunRecord:
         run = self._runs[world]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -30,7 +31,7 @@ class CpuPhysics:
         self._cells, first = cells, cells[0].simulation
         self.observer, self._samples = first.observer, first.samples
         self._steps, self._dofs = first.steps, first.dofs
-        self.data = Batch(first.model, len(cells), threads, persistent=True)
+        self.data = Batch(first.model, len(cells), threads)
         models = [cell.simulation.model for cell in cells]
         for name in differing(models):
             field = self.data.expand(name)
@@ -57,6 +58,7 @@ class CpuPhysics:
         # The first observation tells the torques of the start, which no step has computed yet.
         begun = states.copy()
         self.data.forward()
+        self._torque = self.data.qfrc_actuator[:, self._dofs]
         states[:] = begun
         samples = [cell.simulation.samples.taken for cell in self._cells]
         wrench, rotation = (np.stack(part) for part in zip(*samples, strict=True))
@@ -70,7 +72,8 @@ class CpuPhysics:
     def observe(self, active: Mask) -> Observation:
         """As :meth:`dualbend.scene.simulation.Simulation.observe`, of the active worlds."""
         self._guarded(lambda ids: self.data.forward(ids, mujoco.mjtStage.mjSTAGE_VEL), active)
-        return self.observer.observation(self.data, self.observer.pad_loads(self.data))
+        seen = self.observer.observation(self.data, self.observer.pad_loads(self.data))
+        return replace(seen, torque=self._torque)
 
     def displace(self, world: int, errors: Vector) -> None:
         """Let a world's sheet edges lie off their grippers, as its own simulation has it."""
@@ -99,6 +102,8 @@ class CpuPhysics:
                 self._friction.on_step()
             if self._samples.passed(steps):
                 self._samples.take(self.observer.sample(data))
+        # Positions and speeds do not tell what the last step's torques were.
+        self._torque = data.qfrc_actuator[:, self._dofs]
         self.failed |= data.warning.reshape(len(self.failed), -1).any(axis=-1)
         return self._samples.told()
 

@@ -13,7 +13,8 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from dualbend.types import Config, Vector, said, stacked
+from dualbend.control.worlds import stacked
+from dualbend.types import Config, Vector, said
 
 Positive = Annotated[float, msgspec.Meta(ge=1e-3, le=1e9)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,21 @@ def drawn(draws: Sequence[Draw | None], shape: tuple[int, ...], *size: int) -> V
         if draw is not None:
             found[:, i] = draw()
     return found.reshape(BLOCK, *shape, *size)
+
+
+T = TypeVar("T")
+
+
+def stacked(many: Sequence[T], *names: str) -> T:
+    """Return a copy of the first of many objects that has the named arrays of all of them.
+
+    The arrays get one more axis, the first. For what may differ in more than its arrays, such as
+    the gains of a config that is only reported.
+    """
+    joined = copy.copy(many[0])
+    for name in names:
+        setattr(joined, name, np.stack([getattr(one, name) for one in many]))
+    return joined
 
 
 class Stackable:

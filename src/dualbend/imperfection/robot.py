@@ -16,8 +16,9 @@ import numpy as np
 
 from dualbend.arm.mjcf import JAW_JOINTS
 from dualbend.arm.pair import ArmPair
+from dualbend.control.worlds import stacked
 from dualbend.imperfection.draws import cut_normal, stream
-from dualbend.types import SIDES, Config, Side, Vector, said, stacked
+from dualbend.types import SIDES, Config, Side, Vector, said
 
 _TOOL = ("sensor", "hand", *JAW_JOINTS)
 

@@ -18,7 +18,7 @@ from dualbend.scenario.motion import NominalMotion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.correction import PoseCorrection, grip_frames
 from dualbend.scene.ik import IKSolution, grip_targets
-from dualbend.scene.observation import Observation, SensorSample
+from dualbend.scene.observation import SensorSample
 from dualbend.scene.posed import PosedArms
 from dualbend.scene.setpoints import OutOfReachError, nominal_setpoints
 from dualbend.scene.warnings import SimulationFailed
@@ -88,9 +88,10 @@ class PlanarRun(Run):
         if n == self.motion.cycles:
             return False
         x, z, alpha = self.nominal_poses[n].tolist()
+        self.on_cycle(n)
         seen = self.observe(int(self.motion.phase[n]), np.array([alpha, -x, z]))
         refuse_snapped(float(seen.sag), alpha)
-        self.on_observed(n, seen)
+        self.on_observed()
         reading = self.read(seen)
         nominal = PlanarPose(np.array([[x, z, alpha]] * len(SIDES)))
         phase = self.phases[self.motion.phase[n]]
@@ -108,8 +109,11 @@ class PlanarRun(Run):
                 return solution
         return self.solve(grip_targets(pose, aside))
 
-    def on_observed(self, cycle: int, seen: Observation) -> None:
-        """Do what a task does besides in a cycle, before it is controlled."""
+    def on_cycle(self, cycle: int) -> None:
+        """Do what a task does to the cell before a cycle, between two physics steps."""
+
+    def on_observed(self) -> None:
+        """Record what a task has besides of a cycle."""
 
     def _check_path(self) -> None:
         """Follow the nominal motion with the IK alone and refuse what the arms cannot do."""

@@ -18,8 +18,9 @@ from dualbend.control.compliance.own import OwnComplianceConfig
 from dualbend.control.compliance.predictor import PredictorConfig
 from dualbend.control.compliance.reference import ReferenceConfig
 from dualbend.control.compliance.schedule import FusionConfig, ScheduleConfig
+from dualbend.control.worlds import stacked
 from dualbend.errors import InputError
-from dualbend.types import Mask, PlanarPose, Reals, Vector, said, stacked
+from dualbend.types import Mask, PlanarPose, Reals, Vector, said
 
 MM_PER_M = 1e3
 DEG_PER_RAD = 180.0 / math.pi

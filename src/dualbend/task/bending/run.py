@@ -13,7 +13,7 @@ from dualbend.run.learned import path_correction
 from dualbend.run.planar import PlanarRun
 from dualbend.scenario.motion import NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.observation import Observation, SensorSample
+from dualbend.scene.observation import SensorSample
 from dualbend.task.bending.config import errors_over_time, imposed_errors
 from dualbend.types import SIDES, Vector
 
@@ -86,14 +86,17 @@ class BendingRun(PlanarRun):
     def changed_errors(self, cycle: int) -> Vector | None:
         """Return how the edges lie to their grippers (2, 6) from a cycle on; None: as before."""
         errors = self.grip_errors
-        if errors is None or (cycle and np.array_equal(errors[cycle], errors[cycle - 1])):
+        if errors is None or np.array_equal(errors[cycle], errors[max(cycle - 1, 0)]):
             return None
         return errors[cycle]
 
-    def on_observed(self, cycle: int, seen: Observation) -> None:
-        """Record and apply the misalignment of the grips."""
-        if self._imposed is not None:
+    def on_cycle(self, cycle: int) -> None:
+        """Apply the misalignment of the grips."""
+        if (errors := self.changed_errors(cycle)) is not None:
+            self.cell.simulation.displace_grasps(errors)
+
+    def on_observed(self) -> None:
+        """Record how the grips are turned, where they are misaligned."""
+        if self.grip_errors is not None:
             simulation = self.cell.simulation
             self.trace.record_task(simulation.observer.roll_and_yaw(simulation.data).ravel())
-            if (errors := self.changed_errors(cycle)) is not None:
-                simulation.displace_grasps(errors)
