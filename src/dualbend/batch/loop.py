@@ -21,10 +21,10 @@ from dualbend.imperfection.link import CommandLink
 from dualbend.run.cell import make_guard, make_integral, make_response, make_sensor_guard
 from dualbend.run.planar import has_snapped
 from dualbend.run.record import RunRecord
-from dualbend.scene.believed import BelievedArms, Measured
+from dualbend.scene.believed import GRIPS, SITES, BelievedArms, Measured
 from dualbend.scene.correction import PoseCorrection, grip_frames
 from dualbend.scene.observation import PLANAR
-from dualbend.scene.posed import PosedWorlds
+from dualbend.scene.posed import PosedArms, PosedWorlds
 from dualbend.scene.warnings import warnings_counted_only
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Mask, PlanarPose, Vector
@@ -61,10 +61,10 @@ class BatchLoop:
         self._integral = make_integral(scenario, robots[0], shape)
         self._response = make_response(scenario, first.cell.arms, shape)
         self._response.reset(np.stack([cell.home for cell in cells]))
-        self._posed = PosedWorlds(robots, threads)
-        self._near = PoseCorrection(robots[0], self._posed)
+        posed = [PosedArms(model, GRIPS) for model in robots]
+        self._near = PoseCorrection(robots[0], PosedWorlds(posed))
         errors = scenario.imperfections.robot
-        believed = BelievedArms(robots[0], PosedWorlds(robots, threads))
+        believed = BelievedArms(PosedWorlds([PosedArms(model, SITES) for model in robots]))
         self._measured = Measured(
             self._physics.observer, self._physics.data, believed if errors.displaces else None
         )
@@ -90,6 +90,8 @@ class BatchLoop:
         self._poses = table([run.nominal_poses for run in runs])
         self._nominal_q = table([run.nominal_q for run in runs])
         self._phases = table([run.motion.phase for run in runs])
+        if self._misaligned:
+            self._grips_change = table([run.grips_change for run in runs])
         self._names = np.array(runs[0].phases)
 
     def run(self) -> Iterator[tuple[int, RunRecord]]:
@@ -165,9 +167,9 @@ class BatchLoop:
 
     def _displace(self, n: int) -> None:
         """Apply the misalignment of the grips."""
-        for world in np.flatnonzero(self._active).tolist() if self._misaligned else ():
-            if (errors := self._runs[world].changed_errors(n)) is not None:
-                self._physics.displace(world, errors)
+        if self._misaligned:
+            for world in np.flatnonzero(self._active & self._grips_change[:, n]).tolist():
+                self._physics.displace(world, self._runs[world].grip_errors[n])
 
     def _record(self, world: int, wall_s: float) -> RunRecord:
         run = self._runs[world]

@@ -41,6 +41,7 @@ class CpuPhysics:
             self.data.bind(name)
         for name in ("qfrc_bias", "qfrc_gravcomp"):
             self.data.bind(name)
+        self._ctrl, self._touching = self.data.bind("ctrl"), self.data.bind("ncon")
         self._stiffness = np.stack([cell.simulation.actuator_stiffness for cell in cells])
         self._friction = None
         if cells[0].friction_law is not None:
@@ -96,7 +97,10 @@ class CpuPhysics:
         while done < self._steps:
             left = self._steps - done
             steps = 1 if self._friction is not None else min(self._samples.to_next, left)
-            self._roll(control[:, done : done + steps], active & ~self.failed)
+            if self._friction is not None:
+                self._step(control[:, done], active & ~self.failed)
+            else:
+                self._roll(control[:, done : done + steps], active & ~self.failed)
             done += steps
             if self._friction is not None:
                 self._friction.on_step()
@@ -111,6 +115,11 @@ class CpuPhysics:
     def q(self) -> Vector:
         """Joint angles (n, joints) [rad]."""
         return self.observer.joint_angles(self.data)
+
+    def _step(self, control: Vector, active: Mask) -> None:
+        self._ctrl[:] = control
+        self._guarded(self.data.step, active)
+        self.failed |= self._touching > 0
 
     def _roll(self, control: Vector, active: Mask) -> None:
         whole = bool(active.all())

@@ -24,7 +24,7 @@ from dualbend.imperfection.robot import RobotErrors, Stribeck, TrueArms
 from dualbend.imperfection.sensor import ErringSensor, SensorErrors
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.believed import BelievedArms, Measured
+from dualbend.scene.believed import SITES, BelievedArms, Measured
 from dualbend.scene.cell import compose_cell, robots_only, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.observation import SensorSample, tool_mass_and_centre
@@ -67,7 +67,7 @@ class RobotCell:
             period_s=scenario.period_s,
         )
         errors, simulation = scenario.imperfections.robot, self.simulation
-        believed = BelievedArms(robots, PosedArms(robots))
+        believed = BelievedArms(PosedArms(robots, SITES))
         self.measured = Measured(
             simulation.observer, simulation.data, believed if errors.displaces else None
         )

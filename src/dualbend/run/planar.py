@@ -16,6 +16,7 @@ from dualbend.run.loop import Asking, Run
 from dualbend.run.record import task_of
 from dualbend.scenario.motion import NominalMotion
 from dualbend.scenario.scenario import Scenario
+from dualbend.scene.believed import GRIPS
 from dualbend.scene.correction import PoseCorrection, grip_frames
 from dualbend.scene.ik import IKSolution, grip_targets
 from dualbend.scene.observation import SensorSample
@@ -136,7 +137,7 @@ class PlanarRun(Run):
         ik, period_s = self.cell.ik, self.scenario.period_s
         if not PoseCorrection.suits(ik.model):
             return None
-        self._near = PoseCorrection(ik.model, PosedArms(ik.model))
+        self._near = PoseCorrection(ik.model, PosedArms(ik.model, GRIPS))
         try:
             return nominal_setpoints(ik, self.nominal_poses, self.cell.home, period_s)
         except OutOfReachError as error:

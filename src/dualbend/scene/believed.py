@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 
 from dualbend.arm.mjcf import FT_SITE, GRIP_SITE
@@ -11,42 +10,43 @@ from dualbend.scene.observation import BENDING_TO_WORLD, Observation, Observer, 
 from dualbend.scene.posed import Posed
 from dualbend.types import SIDES, Vector
 
+GRIPS = [f"{side}_{GRIP_SITE}" for side in SIDES]
+"""The sites of both grips."""
+
+SITES = [*GRIPS, *(f"{side}_{FT_SITE}" for side in SIDES)]
+"""The sites of both grips and of both wrist sensors."""
+
+_GRIPS, _SENSORS = slice(0, 2), slice(2, 4)
+
 
 class BelievedArms:
     """Forward kinematics and Coriolis torques of the arms that the controller believes in.
 
-    Parameters
-    ----------
-    robots
-        Of the robots alone, :func:`dualbend.scene.cell.robots_only`.
-    posed
-        The same, of any leading shape: all that is returned has it.
+    ``posed``: these arms with :data:`SITES`, of any leading shape; all that is returned has it.
     """
 
-    def __init__(self, robots: mujoco.MjModel, posed: Posed) -> None:
+    def __init__(self, posed: Posed) -> None:
         self._posed = posed
-        self._grips = [robots.site(f"{side}_{GRIP_SITE}").id for side in SIDES]
-        self._sensors = [robots.site(f"{side}_{FT_SITE}").id for side in SIDES]
 
     def grips(self, q: Vector) -> Vector:
         """Return x, y, z [m] and α [rad] of both grips (..., 2, 4), each in its bending frame."""
-        data = self._posed.place(q)
-        return grip_poses(data.site_xpos[..., self._grips, :], data.site_xmat[..., self._grips, :])
+        places, axes = self._posed.frames(q)
+        return grip_poses(places[..., _GRIPS, :], axes[..., _GRIPS, :])
 
     def grip_axes(self, q: Vector) -> Vector:
         """Return the axes of both grips in the world (..., 2, 3, 3)."""
-        return self._axes(q, self._grips)
+        return self._axes(q, _GRIPS)
 
     def sensor_axes(self, q: Vector) -> Vector:
         """Return the axes of both wrist sensors in the world (..., 2, 3, 3)."""
-        return self._axes(q, self._sensors)
+        return self._axes(q, _SENSORS)
 
     def coriolis(self, q: Vector, speed: Vector) -> Vector:
         """Return the torques (..., n) [N m] of Coriolis and centrifugal forces."""
-        return self._posed.move(q, speed)
+        return self._posed.coriolis(q, speed)
 
-    def _axes(self, q: Vector, sites: list[int]) -> Vector:
-        axes = self._posed.place(q).site_xmat[..., sites, :]
+    def _axes(self, q: Vector, sites: slice) -> Vector:
+        axes = self._posed.frames(q)[1][..., sites, :]
         return np.asarray(axes.reshape(*axes.shape[:-1], 3, 3))
 
 

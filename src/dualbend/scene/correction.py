@@ -5,7 +5,6 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from dualbend.arm.mjcf import GRIP_SITE
 from dualbend.control.alter import turn
 from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD, IKSolution
 from dualbend.scene.observation import BENDING_TO_WORLD
@@ -35,12 +34,11 @@ class PoseCorrection:
     model
         Of the robots alone.
     posed
-        The same, placed at joint angles of any leading shape.
+        The same with the sites of both grips, of any leading shape.
     """
 
     def __init__(self, model: mujoco.MjModel, posed: Posed) -> None:
         self._posed = posed
-        self._grips = np.array([model.site(f"{side}_{GRIP_SITE}").id for side in SIDES])
         self._lower, self._upper = model.jnt_range.T
 
     @staticmethod
@@ -68,7 +66,7 @@ class PoseCorrection:
             left = left & ((position > TOLERANCE_M) | (rotation > TOLERANCE_RAD))
             if step == _MAX_STEPS or not np.count_nonzero(left):
                 break
-            moved = q + _solved(self._posed.jacobian(self._grips), error).reshape(q.shape)
+            moved = q + _solved(self._posed.jacobian(), error).reshape(q.shape)
             left &= np.all((moved > self._lower) & (moved < self._upper), axis=-1)
             q = np.where(left[..., np.newaxis], moved, q)
             steps += left
@@ -81,12 +79,12 @@ class PoseCorrection:
 
     def _error(self, q: Vector, places: Vector, axes: Vector) -> Vector:
         """Return e (..., 2, 6)."""
-        data = self._posed.place(q)
-        grip = data.site_xmat[..., self._grips, :].reshape(axes.shape)
+        grips, axes_there = self._posed.frames(q)
+        grip = axes_there.reshape(axes.shape)
         # Σ rᵢ × r*ᵢ is twice the skew part of R* Rᵀ.
         turns = (axes @ np.swapaxes(grip, -1, -2)).reshape(*axes.shape[:-2], 9)
         error = np.empty((*places.shape[:-1], _POSE))
-        np.subtract(places, data.site_xpos[..., self._grips, :], out=error[..., :3])
+        np.subtract(places, grips, out=error[..., :3])
         np.subtract(turns[..., _ABOVE], turns[..., _BELOW], out=error[..., 3:])
         error[..., 3:] *= 0.5
         return error

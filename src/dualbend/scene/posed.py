@@ -7,108 +7,114 @@ from typing import Protocol
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 
-from dualbend.scene.observation import Source
 from dualbend.types import SIDES, Vector
+
+_POSE = 6
 
 
 class Posed(Protocol):
-    """Robots that can be placed; ``data`` has the fields of an MjData, of any leading shape."""
+    """Robots at joint angles (..., n), and where some of their sites then are."""
 
-    data: Source
+    def frames(self, q: Vector) -> tuple[Vector, Vector]:
+        """Return places (..., sites, 3) and axes (..., sites, 9) of the sites in the world."""
 
-    def place(self, q: Vector) -> Source:
-        """Place the robots at joint angles (..., n), update their frames; return the data."""
+    def jacobian(self) -> Vector:
+        """Return that of the first site of each arm (..., 2, 6, 6), where they were placed.
 
-    def jacobian(self, sites: Vector) -> Vector:
-        """Return that of a site on each arm (..., 2, 6, 6), arms of six joints, left and right.
-
-        Translation and rotation in the world, by the own arm's joints, where it was placed.
+        Translation and rotation in the world, by the own arm's six joints.
         """
 
-    def move(self, q: Vector, speed: Vector) -> Vector:
-        """Place the robots and let them move; return their Coriolis torques (..., n) [N m]."""
+    def coriolis(self, q: Vector, speed: Vector) -> Vector:
+        """Return the torques (..., n) [N m] of Coriolis and centrifugal forces."""
 
 
 class PosedArms:
-    """One pair of arms, of a model of the robots alone, without gravity."""
+    """One pair of arms; ``sites``: one of each arm, left and right, and any others."""
 
-    def __init__(self, robots: mujoco.MjModel) -> None:
+    def __init__(self, robots: mujoco.MjModel, sites: Sequence[str]) -> None:
         self._model = weightless(robots)
         self.data = mujoco.MjData(self._model)
+        self._sites = np.array([robots.site(name).id for name in sites])
+        self._jacobians = np.zeros((len(SIDES), _POSE, robots.nv))
+        self._torque = np.empty(robots.nv)
         self._placed = b""
-        self._jacobians = np.zeros((len(SIDES), 6, robots.nv))
 
-    def place(self, q: Vector) -> mujoco.MjData:
+    def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """As :class:`Posed` has it; a cycle asks several times at the same angles."""
         if (at := q.tobytes()) != self._placed:
-            self.data.qpos[:], self._placed = q, at
-            mujoco.mj_kinematics(self._model, self.data)
-        return self.data
+            self._placed = at
+            self.place(q)
+        return self.read()
 
-    def jacobian(self, sites: Vector) -> Vector:
+    def jacobian(self) -> Vector:
         """As :class:`Posed` has it."""
         mujoco.mj_comPos(self._model, self.data)
-        for whole, site in zip(self._jacobians, sites, strict=True):
+        for whole, site in zip(self._jacobians, self._sites, strict=False):
             mujoco.mj_jacSite(self._model, self.data, whole[:3], whole[3:], site)
-        return own_joints(self._jacobians)
+        left, right = self._jacobians
+        return np.stack((left[:, :_POSE], right[:, _POSE:]))
 
-    def move(self, q: Vector, speed: Vector) -> Vector:
+    def coriolis(self, q: Vector, speed: Vector) -> Vector:
         """As :class:`Posed` has it."""
-        torque = np.empty(self._model.nv)
-        self.place(q).qvel[:] = speed
+        self.frames(q)
+        return self.torque(speed).copy()
+
+    def place(self, q: Vector) -> None:
+        """Place the arms at joint angles (n,)."""
+        self.data.qpos[:] = q
+        mujoco.mj_kinematics(self._model, self.data)
+
+    def read(
+        self, places: Vector | None = None, axes: Vector | None = None
+    ) -> tuple[Vector, Vector]:
+        """Return places (sites, 3) and axes (sites, 9), in given arrays or in new ones."""
+        data = self.data
+        return (
+            data.site_xpos.take(self._sites, axis=0, out=places),
+            data.site_xmat.take(self._sites, axis=0, out=axes),
+        )
+
+    def torque(self, speed: Vector) -> Vector:
+        """Return the torques (n,) [N m] of Coriolis and centrifugal forces where it was placed."""
+        self.data.qvel[:] = speed
         mujoco.mj_comPos(self._model, self.data)
         mujoco.mj_comVel(self._model, self.data)
-        mujoco.mj_rne(self._model, self.data, 0, torque)
-        return torque
+        mujoco.mj_rne(self._model, self.data, 0, self._torque)
+        return self._torque
 
 
 class PosedWorlds:
-    """A pair of arms for each of n worlds, placed on ``threads`` threads."""
+    """The pairs of arms of n worlds; what has not moved since is not computed again."""
 
-    def __init__(self, robots: Sequence[mujoco.MjModel], threads: int) -> None:
-        models = [weightless(model) for model in robots]
-        self.data = Batch(models[0], len(models), threads)
-        self.data.set_models(models)
-        for name in ("site_xpos", "site_xmat", "qfrc_bias"):
-            self.data.bind(name)
-        self._qpos, self._qvel = self.data.bind("qpos"), self.data.bind("qvel")
+    def __init__(self, worlds: Sequence[PosedArms]) -> None:
+        self._worlds, first = worlds, worlds[0]
+        self._q = np.full((len(worlds), len(first.data.qpos)), np.nan)
+        self._places, self._axes = (np.array([part] * len(worlds)) for part in first.read())
 
-    def place(self, q: Vector) -> Batch:
+    def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """As :class:`Posed` has it."""
-        if not np.array_equal(self._qpos, q):
-            self._qpos[:] = q
-            self.data.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
-        return self.data
+        moved = np.any(q != self._q, axis=-1)
+        if moved.any():
+            self._q = q.copy()
+            for world in np.flatnonzero(moved).tolist():
+                one = self._worlds[world]
+                one.place(q[world])
+                one.read(self._places[world], self._axes[world])
+        return self._places, self._axes
 
-    def jacobian(self, sites: Vector) -> Vector:
+    def jacobian(self) -> Vector:
         """As :class:`Posed` has it."""
-        both = np.empty((len(self._qpos), len(SIDES), 6, self._qvel.shape[-1]))
-        bodies = self.data.model.site_bodyid[sites]
-        for i, (site, body) in enumerate(zip(sites, bodies, strict=True)):
-            moves, turns = self.data.jac(body, self.data.site_xpos[:, site])
-            both[:, i, :3], both[:, i, 3:] = moves, turns
-        return own_joints(both)
+        return np.array([one.jacobian() for one in self._worlds])
 
-    def move(self, q: Vector, speed: Vector) -> Vector:
+    def coriolis(self, q: Vector, speed: Vector) -> Vector:
         """As :class:`Posed` has it."""
-        self._qpos[:], self._qvel[:] = q, speed
-        self.data.forward(stage=mujoco.mjtStage.mjSTAGE_VEL)
-        return np.asarray(self.data.qfrc_bias).copy()
-
-
-def own_joints(both: Vector) -> Vector:
-    """Return the part (..., 2, 6, n/2) of Jacobians (..., 2, 6, n) that is of each arm's joints."""
-    half = both.shape[-1] // 2
-    return np.stack((both[..., 0, :, :half], both[..., 1, :, half:]), axis=-3)
+        self.frames(q)
+        return np.array([one.torque(v) for one, v in zip(self._worlds, speed, strict=True)])
 
 
 def weightless(robots: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy without gravity, contacts and constraints: nothing is left but kinematics."""
+    """Return a copy without gravity."""
     model = robots.__copy__()
     model.opt.gravity[:] = 0.0
-    model.opt.disableflags |= (
-        mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    )
     return model

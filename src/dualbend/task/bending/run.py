@@ -15,7 +15,7 @@ from dualbend.scenario.motion import NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.observation import SensorSample
 from dualbend.task.bending.config import errors_over_time, imposed_errors
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Mask, Vector
 
 SPACE_COLUMNS = tuple(
     (f"{side}_{place}_{turn}", "rad")
@@ -45,6 +45,11 @@ def _motion(scenario: Scenario) -> NominalMotion:
 class BendingRun(PlanarRun):
     """Bend the sheet along the scenario's path, between grips that may be misaligned in space.
 
+    Attributes
+    ----------
+    grip_errors : (cycles, 2, 6) how the edges lie to their grippers; None where they lie right
+    grips_change : (cycles,) whether they lie otherwise than in the cycle before
+
     ``correction`` (2, cycles): turn that is added to each arm's path [rad], in place of the file
     that the scenario names.
     """
@@ -57,6 +62,7 @@ class BendingRun(PlanarRun):
     ) -> None:
         self._imposed = imposed_errors(scenario)
         self.grip_errors: Vector | None = None
+        self.grips_change: Mask = np.zeros(1, dtype=np.bool_)
         self._correction = correction
         if correction is not None:
             self.learned = "a correction from Python"
@@ -80,20 +86,15 @@ class BendingRun(PlanarRun):
         if self.scenario.imperfections.robot.displaces:
             taken = simulation.observer.grasps(simulation.data)
         self.grip_errors = errors_over_time(taken, self._imposed, self.motion)
+        changes = np.any(np.diff(self.grip_errors, axis=0), axis=(1, 2))
+        self.grips_change = np.concatenate(([False], changes))
         simulation.displace_grasps(self.grip_errors[0])
         return super().start()
 
-    def changed_errors(self, cycle: int) -> Vector | None:
-        """Return how the edges lie to their grippers (2, 6) from a cycle on; None: as before."""
-        errors = self.grip_errors
-        if errors is None or np.array_equal(errors[cycle], errors[max(cycle - 1, 0)]):
-            return None
-        return errors[cycle]
-
     def on_cycle(self, cycle: int) -> None:
         """Apply the misalignment of the grips."""
-        if (errors := self.changed_errors(cycle)) is not None:
-            self.cell.simulation.displace_grasps(errors)
+        if self.grip_errors is not None and self.grips_change[cycle]:
+            self.cell.simulation.displace_grasps(self.grip_errors[cycle])
 
     def on_observed(self) -> None:
         """Record how the grips are turned, where they are misaligned."""
