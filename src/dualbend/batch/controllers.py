@@ -19,16 +19,14 @@ def joined(controllers: Sequence[Controller]) -> Controller:
 
     Those of the paper's kind are computed in one go, others one after the other.
     """
-    if all(type(one) is CorrectedController for one in controllers):
-        inner = joined([one.controller for one in controllers])
-        return CorrectedController.stacked(controllers, inner)
-    if all(_is_plain(one) for one in controllers):
-        return PairCompliance.stacked(controllers)
+    corrected = [one for one in controllers if isinstance(one, CorrectedController)]
+    if len(corrected) == len(controllers):
+        return CorrectedController.stacked(corrected, joined([one.controller for one in corrected]))
+    plain = [one for one in controllers if isinstance(one, PairCompliance)]
+    plain = [one for one in plain if type(one.admittance) is Admittance]
+    if len(plain) == len(controllers):
+        return PairCompliance.stacked(plain)
     return OneByOne(controllers)
-
-
-def _is_plain(controller: Controller) -> bool:
-    return isinstance(controller, PairCompliance) and type(controller.admittance) is Admittance
 
 
 class OneByOne:
@@ -65,16 +63,18 @@ class OneByOne:
 def of_world(observation: Observation, world: int) -> Observation:
     """Return what is observed in one of many worlds."""
 
-    def part(value: Vector | Wrench | PlanarPose) -> Vector | Wrench | PlanarPose:
-        if isinstance(value, Wrench):
-            return Wrench(value.components[world], value.frame, value.point)
-        if isinstance(value, PlanarPose):
-            return PlanarPose(value.coordinates[world])
-        return value[world]
+    def wrench(of: Wrench) -> Wrench:
+        return Wrench(of.components[world], of.frame, of.point)
 
-    names = ("raw", "filtered", "clipped", "fresh", "joints_rad", "measured", "nominal", "aside")
     return msgspec.structs.replace(
         observation,
         phase=str(np.asarray(observation.phase)[world]),
-        **{name: part(getattr(observation, name)) for name in names},
+        raw=wrench(observation.raw),
+        filtered=wrench(observation.filtered),
+        clipped=observation.clipped[world],
+        fresh=observation.fresh[world],
+        joints_rad=observation.joints_rad[world],
+        measured=PlanarPose(observation.measured.coordinates[world]),
+        nominal=PlanarPose(observation.nominal.coordinates[world]),
+        aside=observation.aside[world],
     )

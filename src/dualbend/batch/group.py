@@ -65,7 +65,10 @@ def grouped(runs: Sequence[Run], largest: int) -> list[list[int]]:
     """Return the numbers of runs that go together, those that go alone by themselves."""
     groups: defaultdict[Hashable, list[int]] = defaultdict(list)
     for index, run in enumerate(runs):
-        groups[("alone", index) if alone(run) else structure(run)].append(index)
+        if isinstance(run, BendingRun) and not alone(run):
+            groups[structure(run)].append(index)
+        else:
+            groups["alone", index].append(index)
     return [
         group[first : first + largest]
         for group in groups.values()

@@ -8,9 +8,11 @@ simulation that is not valid, takes it out of the batch: it is run again alone, 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualbend.batch.controllers import OneByOne, joined
 from dualbend.batch.physics import CpuPhysics
@@ -27,7 +29,9 @@ from dualbend.scene.observation import PLANAR
 from dualbend.scene.posed import PosedArms, PosedWorlds
 from dualbend.scene.warnings import warnings_counted_only
 from dualbend.task.bending.run import BendingRun
-from dualbend.types import SIDES, Mask, PlanarPose, Vector
+from dualbend.types import SIDES, Mask, PlanarPose
+
+_NO_AGES: NDArray[np.int_] = np.zeros(0, dtype=np.int_)
 
 
 class BatchLoop:
@@ -54,7 +58,8 @@ class BatchLoop:
         self._path = ControlledPath(
             self._controller, delay_cycles=delays, mode=robot.alter.mode, shape=shape
         )
-        self._link = CommandLink.stacked([run.link for run in runs]) if first.link else None
+        links = [run.link for run in runs if run.link is not None]
+        self._link = CommandLink.stacked(links) if links else None
         self._guard = make_guard(scenario, first.cell, shape)
         self._sensor_guard = make_sensor_guard(scenario, first.sensors, shape)
         self._servo = JointServo.stacked([cell.servo for cell in cells])
@@ -70,7 +75,6 @@ class BatchLoop:
         )
         if errors.weighs_wrong:
             self._physics.fed_forward = believed.coriolis
-        self._misaligned = first.grip_errors is not None
         self._motion(runs)
         self._trace = first.recorder(int(self._cycles.max()), shape)
         self._q = self._nominal_q[:, 0].copy()
@@ -83,15 +87,16 @@ class BatchLoop:
         self._cycles = np.array([run.motion.cycles for run in runs])
         longest = int(self._cycles.max())
 
-        def table(rows: Sequence[Vector]) -> Vector:
+        def table(rows: Iterable[NDArray[Any]]) -> NDArray[Any]:
             more = [(longest - len(row), row) for row in rows]
             return np.stack([np.concatenate((row, row[-1:].repeat(k, axis=0))) for k, row in more])
 
-        self._poses = table([run.nominal_poses for run in runs])
-        self._nominal_q = table([run.nominal_q for run in runs])
-        self._phases = table([run.motion.phase for run in runs])
-        if self._misaligned:
-            self._grips_change = table([run.grips_change for run in runs])
+        self._poses = table(run.nominal_poses for run in runs)
+        self._nominal_q = table(run.nominal_q for run in runs if run.nominal_q is not None)
+        self._phases = table(run.motion.phase for run in runs)
+        errors = [run.grip_errors for run in runs if run.grip_errors is not None]
+        self._grip_errors = table(errors) if errors else None
+        self._grips_change = table(run.grips_change for run in runs) if errors else None
         self._names = np.array(runs[0].phases)
 
     def run(self) -> Iterator[tuple[int, RunRecord]]:
@@ -122,14 +127,15 @@ class BatchLoop:
         )
         reference = self._response.position
         beyond = self._guard.outside(seen.q, seen.speed, seen.torque, reference)
-        self._leave(beyond.any(axis=(0, -1)) | has_snapped(seen.sag, pose[:, 2]))
-        if self._misaligned:
+        self._leave(np.any(beyond, axis=(0, -1)) | has_snapped(seen.sag, pose[:, 2]))
+        if self._grip_errors is not None:
             turns = physics.observer.roll_and_yaw(physics.data)
             trace.record_task(turns.reshape(len(self._runs), -1))
         axes = self._measured.sensor_axes(self._sample.rotation, seen)
         reading = self._sensors.read(self._sample.wrench, axes, new=self._sample.new)
         trace.record_reading(reading)
-        self._leave(self._sensor_guard.outside(reading.clipped, reading.fresh).any(axis=(0, -1)))
+        beyond = self._sensor_guard.outside(reading.clipped, reading.fresh)
+        self._leave(np.any(beyond, axis=(0, -1)))
         observed = Observation.of(
             reading,
             time_s=(trace.rows - 1) * period_s,
@@ -147,10 +153,10 @@ class BatchLoop:
         solution = self._near.solve(*frames, start)
         self._leave(~np.asarray(solution.reached))
         self._q = solution.q
-        sent, ages = self._q, ()
+        sent, ages = self._q, _NO_AGES
         if self._link is not None:
             sent, ages = self._link.forward(self._q), self._link.age
-            self._leave((self._link.starved > 0).any(axis=-1))
+            self._leave(np.any(self._link.starved, axis=-1))
         error = reference - seen.q
         offset = self._integral.update(error)
         now = self._response.update(sent)
@@ -160,16 +166,17 @@ class BatchLoop:
         wall_s = (time.perf_counter() - began) / len(self._runs)
         trace.record_control(observed, command, solution, wall_s, ages)
 
-    def _leave(self, worlds: Mask) -> None:
+    def _leave(self, worlds: Mask | np.bool) -> None:
         """Leave worlds to be run alone."""
         self.left |= worlds & self._active
         self._active &= ~worlds
 
     def _displace(self, n: int) -> None:
         """Apply the misalignment of the grips."""
-        if self._misaligned:
-            for world in np.flatnonzero(self._active & self._grips_change[:, n]).tolist():
-                self._physics.displace(world, self._runs[world].grip_errors[n])
+        errors, changes = self._grip_errors, self._grips_change
+        if errors is not None and changes is not None:
+            for world in np.flatnonzero(self._active & changes[:, n]).tolist():
+                self._physics.displace(world, errors[world, n])
 
     def _record(self, world: int, wall_s: float) -> RunRecord:
         run = self._runs[world]

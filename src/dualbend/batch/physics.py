@@ -8,6 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 from mujoco.batch import MODEL_FIELDS, Batch, SimulationError
+from numpy.typing import NDArray
 
 from dualbend.imperfection.robot import Stribeck
 from dualbend.run.cell import RobotCell
@@ -43,9 +44,9 @@ class CpuPhysics:
             self.data.bind(name)
         self._ctrl, self._touching = self.data.bind("ctrl"), self.data.bind("ncon")
         self._stiffness = np.stack([cell.simulation.actuator_stiffness for cell in cells])
-        self._friction = None
-        if cells[0].friction_law is not None:
-            laws = [cell.friction_law for cell in cells]
+        self._friction: Stribeck | None = None
+        laws = [cell.friction_law for cell in cells if cell.friction_law is not None]
+        if laws:
             speeds = self.data.bind("qvel")
             self._friction = Stribeck.stacked(laws, self.data.expand("dof_frictionloss"), speeds)
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
@@ -124,7 +125,7 @@ class CpuPhysics:
     def _roll(self, control: Vector, active: Mask) -> None:
         whole = bool(active.all())
 
-        def roll(ids: Vector | None) -> None:
+        def roll(ids: NDArray[np.int_] | None) -> None:
             found = self.data.rollout(
                 control.shape[1], control if whole else control[active], record=("ncon",), ids=ids
             )
@@ -133,7 +134,7 @@ class CpuPhysics:
 
         self._guarded(roll, active)
 
-    def _guarded(self, call: Callable[[Vector | None], None], active: Mask) -> None:
+    def _guarded(self, call: Callable[[NDArray[np.int_] | None], None], active: Mask) -> None:
         """Call with the active worlds; those in which MuJoCo raises an error fail alone."""
         ids = None if active.all() else np.flatnonzero(active)
         if ids is not None and not ids.size:

@@ -30,14 +30,23 @@ if TYPE_CHECKING:
 @click.argument("file", type=PATH)
 @click.option("--out", type=PATH, help="Folder of the sweep.  [default: runs/NAME]")
 @WORKERS
+@click.option(
+    "--batch",
+    type=click.IntRange(1, 1024),
+    default=32,
+    show_default=True,
+    help="Runs at once in each worker, at most.",
+)
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler, e.g. tcp://HOST:PORT.")
-def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | None) -> None:
+def sweep(
+    file: Path, out: Path | None, workers: int | None, batch: int, scheduler: str | None
+) -> None:
     """Run a scenario over many values of its keys.
 
     FILE defines the keys and values (docs/sweeps.md), or is the folder of a sweep. The same command
     continues a sweep that was interrupted. For a finished sweep it writes table and pictures again.
     """
-    from dualbend.study.processes import in_processes
+    from dualbend.study.runs import in_batches
     from dualbend.study.sweep.design import make_design
     from dualbend.study.sweep.file import load_sweep
     from dualbend.study.sweep.progress import Progress
@@ -49,11 +58,12 @@ def sweep(file: Path, out: Path | None, workers: int | None, scheduler: str | No
     loaded = load_sweep(file)
     design = make_design(loaded)
     folder = out or (file if file.is_dir() else Path("runs") / loaded.name)
-    place = in_processes(workers)
+    cluster = None
     if scheduler is not None:
         from dualbend.study.cluster import on_cluster
 
-        place = on_cluster(scheduler, lambda note: click.echo(note, err=True))
+        cluster = on_cluster(scheduler, lambda note: click.echo(note, err=True))
+    place = in_batches(workers, batch, cluster=cluster)
     progress = Progress()
     try:
         rows = run_sweep(loaded, design, folder, place, on_run=progress)

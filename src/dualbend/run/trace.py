@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import json
 import re
@@ -9,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from dualbend.control.controller import Command
 from dualbend.control.controller import Observation as Observed
@@ -236,9 +238,12 @@ class TraceRecorder(Trace):
         super().__init__(self.columns, room, self._positions)
         self.rows = 0
 
-    def of_world(self, world: int, rows: int) -> Trace:
+    def of_world(self, world: int, rows: int) -> TraceRecorder:
         """Return the first rows of one of many worlds, in the same memory."""
-        return Trace(self.columns, self._table[world, :rows], self._positions[world, :rows])
+        own = copy.copy(self)
+        own._table, own._positions = self._table[world], self._positions[world]
+        own._qpos, own.rows = own._positions, rows
+        return own
 
     def _row(self) -> Vector:
         """Return the last row (..., columns), to be written."""
@@ -292,7 +297,7 @@ class TraceRecorder(Trace):
         command: Command,
         ik: IKSolution,
         wall_s: float,
-        ages: Sequence[int] | Vector = (),
+        ages: Sequence[int] | NDArray[np.int_] = (),
     ) -> None:
         """Complete the row with what the controller made of it, and what the link made of that."""
         row, at = self._row(), self._slices

@@ -98,13 +98,13 @@ def grip_frames(pose: Vector, aside: Vector) -> tuple[Vector, Vector]:
     """
     places = np.stack((pose[..., 0], aside[..., 0], pose[..., 1]), axis=-1) * BENDING_TO_WORLD
     angles = np.stack((aside[..., 1], pose[..., 2], aside[..., 2]), axis=-1)
-    return places, _HALF_TURN @ turn(angles)
+    return np.asarray(places), np.asarray(_HALF_TURN @ turn(angles))
 
 
 def _solved(jacobian: Vector, error: Vector) -> Vector:
     """Return J⁻¹ e (..., 6); NaN where J is singular, which must not stop the other worlds."""
     try:
-        return np.linalg.solve(jacobian, error[..., np.newaxis])[..., 0]
+        return np.asarray(np.linalg.solve(jacobian, error[..., np.newaxis])[..., 0])
     except np.linalg.LinAlgError:
         step = np.full(error.shape, np.nan)
         for at in np.ndindex(error.shape[:-1]):

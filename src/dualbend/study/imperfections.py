@@ -10,13 +10,14 @@ import numpy as np
 
 from dualbend.evaluation.metrics import versions
 from dualbend.imperfection.config import PresetName
+from dualbend.run.loop import Run
 from dualbend.run.make import make_run
-from dualbend.run.record import Metric
+from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.scenario import Scenario, variants
-from dualbend.study.ending import Ended, metrics_of, outcome_of, result_of
+from dualbend.study.ending import Ended, metrics_of, outcome_of
 from dualbend.study.engine import Study
 from dualbend.study.folder import StudyFolder
-from dualbend.study.processes import in_processes
+from dualbend.study.runs import RunEach, in_batches
 from dualbend.table import Column, Table, quantity
 
 NONE = "none"
@@ -38,21 +39,27 @@ class PartRow(msgspec.Struct, frozen=True, kw_only=True):
     metrics: dict[str, Metric] = {}
 
 
-def run_part(part: str, scenario: Scenario) -> PartRow:
-    """Run a scenario here; one that is refused or raises is a row as well."""
-    try:
-        result = result_of(make_run(scenario))
-        metrics = metrics_of(result)
-    except Exception as error:  # one bad run must not end the study
-        outcome, reason = outcome_of(error)
-        return PartRow(part=part, seed=scenario.seed, outcome=outcome, reason=reason)
+def _make(_: str, scenario: Scenario) -> Run:
+    return make_run(scenario)
+
+
+def _row(result: RunRecord, part: str, scenario: Scenario) -> PartRow:
     return PartRow(
         part=part,
         seed=scenario.seed,
         outcome=result.outcome,
         reason=result.reason,
-        metrics=metrics,
+        metrics=metrics_of(result),
     )
+
+
+def _without_result(error: Exception, part: str, scenario: Scenario) -> PartRow:
+    outcome, reason = outcome_of(error)
+    return PartRow(part=part, seed=scenario.seed, outcome=outcome, reason=reason)
+
+
+run_part = RunEach(make=_make, row=_row, failed=_without_result)
+"""Runs a scenario here; one that is refused or raises is a row as well."""
 
 
 def run_study(
@@ -78,7 +85,7 @@ def run_study(
     )
     about = {"preset": preset, "versions": versions(), "scenario": scenario.to_toml()}
     kept = StudyFolder(folder=folder, row=PartRow, study=about)
-    return study.run(in_processes(workers), kept, on_run)
+    return study.run(in_batches(workers), kept, on_run)
 
 
 def table(rows: Sequence[PartRow]) -> Table:

@@ -17,13 +17,15 @@ from dualbend.errors import InputError, brief, writing
 from dualbend.evaluation.metrics import COMMON_METRICS, versions
 from dualbend.files import write_whole
 from dualbend.registry import TASKS
+from dualbend.run.loop import Run
 from dualbend.run.make import make_run
-from dualbend.run.record import Metric
+from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.explain import nearest
 from dualbend.scenario.scenario import Scenario
-from dualbend.study.ending import RAISED, REFUSED, Ended, metrics_of, outcome_of, result_of
+from dualbend.study.ending import RAISED, REFUSED, Ended, metrics_of, outcome_of
 from dualbend.study.engine import Place, Study
 from dualbend.study.folder import StudyFolder
+from dualbend.study.runs import RunEach
 from dualbend.study.sweep.design import Design
 from dualbend.study.sweep.file import SCENARIO, SWEEP, Sweep
 
@@ -40,22 +42,22 @@ class RunRow(msgspec.Struct, frozen=True, kw_only=True):
 RunOne: TypeAlias = Callable[[int, Scenario], RunRow]
 
 
-def run_row(index: int, scenario: Scenario) -> RunRow:
-    """Run a scenario here; one that is refused or raises is a row as well.
+def _make(_: int, scenario: Scenario) -> Run:
+    return make_run(scenario)
 
-    Raises KeyboardInterrupt where the user ended it: half a run is no result.
-    """
-    try:
-        result = result_of(make_run(scenario))
-        metrics = metrics_of(result)
-    except Exception as error:  # one bad run must not end the sweep
-        return _without_result(index, error)
+
+def _row(result: RunRecord, index: int, _: Scenario) -> RunRow:
+    metrics = metrics_of(result)
     return RunRow(index=index, outcome=result.outcome, reason=result.reason, metrics=metrics)
 
 
-def _without_result(index: int, error: Exception) -> RunRow:
+def _without_result(error: Exception, index: int, _: Scenario | None = None) -> RunRow:
     outcome, reason = outcome_of(error)
     return RunRow(index=index, outcome=outcome, reason=reason)
+
+
+run_row = RunEach(make=_make, row=_row, failed=_without_result)
+"""Runs a scenario here; one that is refused or raises is a row as well."""
 
 
 def run_sweep(
@@ -118,7 +120,7 @@ def _task(sweep: Sweep, design: Design, index: int) -> tuple[int, Scenario] | Ru
     try:
         return index, sweep.resolve(design.settings(index), design.seed(index))
     except InputError as error:
-        return _without_result(index, error)
+        return _without_result(error, index)
 
 
 def _refuse_unknown_metrics(sweep: Sweep) -> None:
