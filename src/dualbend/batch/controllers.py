@@ -60,6 +60,27 @@ class OneByOne:
         return deviation
 
 
+class ActiveOnly:
+    """A controller of n worlds of which the others than the ``active`` (n,) have no deviation.
+
+    What is observed of them may be NaN.
+    """
+
+    def __init__(self, controller: Controller, active: Mask) -> None:
+        self._controller, self._active = controller, active
+
+    def __call__(self, observation: Observation) -> Vector:
+        """Return the deviations (n, 2, 6)."""
+        deviation = self._controller(observation)
+        deviation[~self._active] = 0.0
+        return deviation
+
+    @property
+    def saturated(self) -> Mask:
+        """What the controller says of its own bounds."""
+        return np.asarray(getattr(self._controller, "saturated", NEVER))
+
+
 def of_world(observation: Observation, world: int) -> Observation:
     """Return what is observed in one of many worlds."""
 

@@ -10,6 +10,7 @@ import msgspec
 from dualbend.run.loop import Run
 from dualbend.scene.sheet.strips import StripConfig
 from dualbend.task.bending.run import BendingRun
+from dualbend.types import SIDES
 
 _SIZES = ("nq", "nv", "nu", "nbody", "njnt", "ngeom", "nsite", "nsensordata", "neq", "ntendon")
 _ALIKE = ("sampling_ms", "latency_ms", "force_resolution_n", "torque_resolution_nm")
@@ -39,8 +40,8 @@ def structure(run: BendingRun) -> Hashable:
     robot, errors = scenario.robot, scenario.imperfections
     sensor = scenario.sensor
     sections = (
-        *(scenario.filter, scenario.guard, scenario.grasp, robot.servo, robot.alter),
-        *((robot.response_of(side), robot.delay_of(side)) for side in ("left", "right")),
+        *(scenario.filter, scenario.guard, scenario.grasp, robot.servo, robot.alter.mode),
+        *(robot.response_of(side) for side in SIDES),
         *(getattr(sensor, name) for name in _ALIKE),
     )
     numbers = (

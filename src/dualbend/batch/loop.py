@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.batch.controllers import OneByOne, joined
+from dualbend.batch.controllers import ActiveOnly, OneByOne, joined
 from dualbend.batch.physics import CpuPhysics
 from dualbend.control.controller import ControlledPath, Observation
 from dualbend.control.servo import JointServo
@@ -52,12 +52,10 @@ class BatchLoop:
         self._physics = CpuPhysics(cells, threads)
         self._sample = self._physics.start()
         self._sensors = WristSensors.stacked([run.sensors for run in runs])
-        robot = scenario.robot
         self._controller = joined([run.path.controller for run in runs])
-        delays = [robot.delay_of(side) for side in SIDES]
-        self._path = ControlledPath(
-            self._controller, delay_cycles=delays, mode=robot.alter.mode, shape=shape
-        )
+        self._active: Mask = np.ones(n, dtype=np.bool_)
+        only = ActiveOnly(self._controller, self._active)
+        self._path = ControlledPath.stacked([run.path for run in runs], only)
         links = [run.link for run in runs if run.link is not None]
         self._link = CommandLink.stacked(links) if links else None
         self._guard = make_guard(scenario, first.cell, shape)
@@ -78,7 +76,6 @@ class BatchLoop:
         self._motion(runs)
         self._trace = first.recorder(int(self._cycles.max()), shape)
         self._q = self._nominal_q[:, 0].copy()
-        self._active: Mask = np.ones(n, dtype=np.bool_)
         self.left: Mask = np.zeros(n, dtype=np.bool_)
         self.rows = 0
 
@@ -169,7 +166,7 @@ class BatchLoop:
     def _leave(self, worlds: Mask | np.bool) -> None:
         """Leave worlds to be run alone."""
         self.left |= worlds & self._active
-        self._active &= ~worlds
+        self._active &= ~worlds  # in place: others hold it
 
     def _displace(self, n: int) -> None:
         """Apply the misalignment of the grips."""

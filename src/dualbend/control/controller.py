@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dualbend.control.alter import AlterMode, PathModification
-from dualbend.control.delay import TransportDelay
+from dualbend.control.delay import TransportDelay, WorldDelays
 from dualbend.control.force_torque import WrenchReading
 from dualbend.registry import raised_at
 from dualbend.types import Mask, PlanarPose, Vector, Wrench
@@ -146,8 +147,19 @@ class ControlledPath:
         shape: tuple[int, ...] = (),
     ) -> None:
         self.controller = controller
+        self._delays: list[TransportDelay | WorldDelays]
         self._delays = [TransportDelay(cycles, 6, shape) for cycles in delay_cycles]
         self._modification = PathModification(mode)
+
+    @classmethod
+    def stacked(cls, many: Sequence[ControlledPath], controller: Controller) -> ControlledPath:
+        """Return that of many worlds, of one mode, which their controllers in one go before."""
+        joined = copy.copy(many[0])
+        joined.controller = controller
+        arms = zip(*(one._delays for one in many), strict=True)
+        joined._delays = [TransportDelay.stacked(delays) for delays in arms]
+        joined._modification = PathModification(joined._modification.mode)
+        return joined
 
     def command(self, observation: Observation, action: Vector | None = None) -> Command:
         """Ask the controller and modify the nominal poses.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dualbend.control.clock import TransferFunction
 from dualbend.errors import InputError
@@ -13,7 +15,8 @@ from dualbend.types import Vector
 class TransportDelay:
     """Hold a vector back by whole command periods: y[n] = u[n − d], H(z) = z⁻ᵈ.
 
-    ``cycles``: d [command periods]; vectors are (*shape, size).
+    ``cycles``: d [command periods]; vectors are (*shape, size). :class:`WorldDelays` is that of
+    worlds whose delays differ.
 
     Raises
     ------
@@ -42,8 +45,34 @@ class TransportDelay:
         self._oldest = (self._oldest + 1) % self.cycles
         return delayed
 
+    @classmethod
+    def stacked(cls, many: Sequence[TransportDelay]) -> TransportDelay | WorldDelays:
+        """Return that of many worlds, freshly made."""
+        cycles = np.array([one.cycles for one in many])
+        shape = many[0]._held.shape[1:]
+        if np.all(cycles == cycles[0]):
+            return cls(int(cycles[0]), shape[-1], (len(many), *shape[:-1]))
+        return WorldDelays(cycles, shape)
+
     def transfer_function(self) -> TransferFunction:
         """Tell z⁻ᵈ as (numerator, denominator) in powers of z⁻¹."""
         numerator = np.zeros(self.cycles + 1)
         numerator[-1] = 1.0
         return numerator, np.ones(1)
+
+
+class WorldDelays:
+    """Hold the vectors (n, *shape) of n worlds back, each by its own d (n,) [command periods]."""
+
+    def __init__(self, cycles: NDArray[np.int_], shape: tuple[int, ...]) -> None:
+        self._worlds, self._cycles = np.arange(len(cycles)), cycles
+        self._held = np.zeros((int(cycles.max()) + 1, len(cycles), *shape))
+        self._now = 0
+
+    def update(self, value: Vector) -> Vector:
+        """Send one vector of each world and receive the one that was sent d calls before."""
+        length = len(self._held)
+        self._held[self._now] = value
+        delayed: Vector = self._held[(self._now - self._cycles) % length, self._worlds]
+        self._now = (self._now + 1) % length
+        return delayed

@@ -1,0 +1,151 @@
+"""Runs of one batch are what each is alone, to the bit; one that ends early disturbs no other."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from dualbend.batch.group import alone, grouped
+from dualbend.batch.loop import BatchLoop
+from dualbend.batch.many import run_many
+from dualbend.errors import InputError
+from dualbend.run.loop import Run
+from dualbend.run.make import make_run
+from dualbend.run.record import RunRecord
+from dualbend.run.trace import WALL_CLOCK_COLUMNS
+from dualbend.scenario.load import load_scenario
+from dualbend.study.runs import in_batches
+from dualbend.study.sweep.run import run_row
+from dualbend.task.bending.run import BendingRun
+
+SHORT = (
+    "sheet.model.hinges=4",
+    "motion.speed_rad_per_s=0.8",
+    "motion.settle_s=0.3",
+    "motion.hold_s=0.1",
+    "path.end_rad=0.3",
+)
+NONE = (*SHORT, "imperfections=none")
+
+
+def made(scenario: str, *settings: str, seed: int = 1) -> BendingRun:
+    run = make_run(load_scenario(scenario, settings, seed=seed))
+    assert isinstance(run, BendingRun)
+    return run
+
+
+def assert_same(found: RunRecord, wanted: RunRecord) -> None:
+    """Compare every column but that of the clock on the wall, bit for bit."""
+    assert (found.outcome, found.reason) == (wanted.outcome, wanted.reason)
+    assert found.simulated_s == wanted.simulated_s
+    assert found.trace.columns == wanted.trace.columns
+    for name, _ in wanted.trace.columns:
+        if name not in WALL_CLOCK_COLUMNS:
+            np.testing.assert_array_equal(found.trace[name], wanted.trace[name], err_msg=name)
+    np.testing.assert_array_equal(found.trace.qpos, wanted.trace.qpos)
+
+
+def assert_as_alone(cases: Sequence[tuple[str, ...]], *, groups: int = 1) -> list[RunRecord]:
+    """Run cases of a scenario and settings in batches, and each alone."""
+    runs: list[Run] = [made(*case, seed=seed) for seed, case in enumerate(cases, 1)]
+    assert len(grouped(runs, len(runs))) == groups
+    records = dict(run_many(runs))
+    for seed, case in enumerate(cases, 1):
+        assert_same(records[seed - 1], made(*case, seed=seed).run())
+    return [records[i] for i in range(len(cases))]
+
+
+def test_worlds_differ_in_seed_gains_delay_sheet_and_path() -> None:
+    assert_as_alone(
+        [
+            ("fig8", *SHORT),
+            ("fig8", *SHORT, "compliance.rotation.b=0.4", "robot.alter.delay_cycles=3"),
+            ("fig8", *SHORT, "sheet.thickness_m=0.0005", "sheet.length_m=0.31"),
+            ("fig8", *SHORT, "path.end_rad=0.2", "sensor.torque_noise_nm=0.001"),
+            ("fig8", *SHORT, "imperfections.robot.stiction_excess=0.4"),
+        ]
+    )
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ("sensor.latency_ms=9",),
+        ("sensor.sampling_ms=10",),
+        ("robot.command_period_s=0.014",),
+        ("robot.servo.integral={}",),
+        ("filter.kind=iir",),
+        ("robot.alter.mode=tool",),
+        ("robot.left.delay_cycles=2", "robot.right.delay_cycles=0"),
+    ],
+)
+def test_the_loop_of_every_world_is_the_loop_of_a_single_run(settings: tuple[str, ...]) -> None:
+    assert_as_alone([("fig8", *NONE, *settings)] * 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["fig6", "fig9", "exact", "tuned", "tuned-exact", "learned"])
+def test_shipped_scenarios_are_the_same_in_a_batch(scenario: str) -> None:
+    speed = "motion.speed_rad_per_s=0.5"
+    assert_as_alone([(scenario, "sheet.model.hinges=10", speed)] * 3)
+
+
+def test_controllers_that_know_one_world_are_asked_world_by_world() -> None:
+    spatial = (
+        "compliance={kind='mass-spring-damper', pitch={b=40.0, k=30.0}}",
+        "compliance={kind='mass-spring-damper', pitch={b=20.0, k=30.0}}",
+    )
+    assert_as_alone([("fig8", *NONE, one) for one in spatial])
+
+
+def test_a_world_at_its_bounds_says_so_itself() -> None:
+    bounded = ("compliance.limit_rotation_rad=1e-4",)
+    first, second = assert_as_alone([("fig8", *NONE, *bounded), ("fig8", *NONE)])
+    assert first.trace["saturated"].any()
+    assert not second.trace["saturated"].any()
+
+
+def test_a_world_that_stops_ends_as_it_does_alone_and_the_others_go_on() -> None:
+    stops = ("guard.following_error_rad=1e-4",)
+    cases = [("fig8", *NONE), ("fig8", *NONE, "sensor.torque_bias_nm=[0,6,0]"), ("fig8", *NONE)]
+    records = assert_as_alone(cases)
+    assert [record.outcome for record in records] == ["completed", "protective_stop", "completed"]
+    both = assert_as_alone([("fig8", *NONE, *stops)] * 2)
+    assert {record.outcome for record in both} == {"protective_stop"}
+
+
+def test_a_world_with_nan_ends_alone() -> None:
+    runs = [made("fig8", *NONE, seed=seed) for seed in (1, 2, 3)]
+    loop = BatchLoop(runs, threads=1)
+    loop._physics.data.qvel[1, 3] = np.nan
+    records = dict(loop.run())
+    assert sorted(records) == [0, 2]
+    assert loop.left.tolist() == [False, True, False]
+    for world, record in records.items():
+        assert_same(record, made("fig8", *NONE, seed=world + 1).run())
+
+
+def test_structures_that_differ_are_other_batches_and_some_runs_go_alone() -> None:
+    settings = [(), ("sheet.model.hinges=6",), ("robot.servo.damping_ratio=0.8",), ()]
+    runs: list[Run] = [made("fig8", *NONE, *more) for more in settings]
+    assert grouped(runs, 8) == [[0, 3], [1], [2]]
+    assert grouped(runs, 1) == [[0], [3], [1], [2]]
+    assert not alone(runs[0])
+    assert "slide" in alone(made("fig8", *NONE, "grasp.friction=0.8"))
+    assert "mink" in alone(made("fig8", *NONE, "robot.model=panda"))
+
+
+def test_rows_of_a_study_do_not_depend_on_its_batches() -> None:
+    scenarios = [load_scenario("fig8", NONE, seed=seed) for seed in (1, 2, 3)]
+    bad = load_scenario("fig8", (*NONE, "path.end_rad=1.5", "sheet.length_m=1.2"))
+    tasks = dict(enumerate([(i, one) for i, one in enumerate((*scenarios, bad))]))
+
+    def local(tasks, run_one):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN202
+        for key, arguments in tasks.items():
+            yield key, run_one(*arguments)
+
+    batches = dict(in_batches(cluster=local)(tasks, run_row))
+    assert batches == dict(in_batches(batch=1, cluster=local)(tasks, run_row))
+    assert [batches[i].outcome for i in range(4)] == ["completed"] * 3 + ["refused"]
+    with pytest.raises(InputError, match="batch = 0"):
+        in_batches(batch=0)
