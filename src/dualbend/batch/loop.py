@@ -26,7 +26,7 @@ from dualbend.run.record import RunRecord
 from dualbend.scene.believed import GRIPS, SITES, BelievedArms, Measured
 from dualbend.scene.correction import PoseCorrection, grip_frames
 from dualbend.scene.observation import PLANAR
-from dualbend.scene.posed import PosedArms, PosedWorlds
+from dualbend.scene.posed import PosedWorlds
 from dualbend.scene.warnings import warnings_counted_only
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Mask, PlanarPose
@@ -64,10 +64,9 @@ class BatchLoop:
         self._integral = make_integral(scenario, robots[0], shape)
         self._response = make_response(scenario, first.cell.arms, shape)
         self._response.reset(np.stack([cell.home for cell in cells]))
-        posed = [PosedArms(model, GRIPS) for model in robots]
-        self._near = PoseCorrection(robots[0], PosedWorlds(posed))
+        self._near = PoseCorrection(robots[0], PosedWorlds(robots, GRIPS))
         errors = scenario.imperfections.robot
-        believed = BelievedArms(PosedWorlds([PosedArms(model, SITES) for model in robots]))
+        believed = BelievedArms(PosedWorlds(robots, SITES))
         self._measured = Measured(
             self._physics.observer, self._physics.data, believed if errors.displaces else None
         )

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
-from mujoco.batch import MODEL_FIELDS, Batch, SimulationError
+from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from dualbend.imperfection.robot import Stribeck
 from dualbend.run.cell import RobotCell
 from dualbend.scene.observation import Observation, SensorSample
+from dualbend.scene.posed import differing
 from dualbend.types import Mask, Vector
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -143,15 +144,3 @@ class CpuPhysics:
             call(ids)
         except SimulationError as error:
             self.failed[error.ids] = True
-
-
-def differing(models: Sequence[mujoco.MjModel]) -> list[str]:
-    """Return the names of the fields of which some model has other values than the first."""
-    names = [name for name in sorted(MODEL_FIELDS) if not name.startswith("opt.")]
-    first = {name: getattr(models[0], name, None) for name in names}
-    return [
-        name
-        for name, value in first.items()
-        if isinstance(value, np.ndarray)
-        and not all(np.array_equal(value, getattr(model, name)) for model in models[1:])
-    ]

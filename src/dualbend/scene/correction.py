@@ -9,7 +9,7 @@ from dualbend.control.alter import turn
 from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD, IKSolution
 from dualbend.scene.observation import BENDING_TO_WORLD
 from dualbend.scene.posed import Posed
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Mask, Vector
 
 _POSE = 6
 _MAX_STEPS = 6
@@ -66,7 +66,8 @@ class PoseCorrection:
             left = left & ((position > TOLERANCE_M) | (rotation > TOLERANCE_RAD))
             if step == _MAX_STEPS or not np.count_nonzero(left):
                 break
-            moved = q + _solved(self._posed.jacobian(), error).reshape(q.shape)
+            jacobian = self._posed.jacobian(left)
+            moved = q + _solved(jacobian, error, left).reshape(q.shape)
             left &= np.all((moved > self._lower) & (moved < self._upper), axis=-1)
             q = np.where(left[..., np.newaxis], moved, q)
             steps += left
@@ -101,13 +102,19 @@ def grip_frames(pose: Vector, aside: Vector) -> tuple[Vector, Vector]:
     return np.asarray(places), np.asarray(_HALF_TURN @ turn(angles))
 
 
-def _solved(jacobian: Vector, error: Vector) -> Vector:
-    """Return J⁻¹ e (..., 6); NaN where J is singular, which must not stop the other worlds."""
+def _solved(jacobian: Vector, error: Vector, worlds: Mask) -> Vector:
+    """Return J⁻¹ e (..., 2, 6) of the named worlds (...), 0 of the others.
+
+    NaN where J is singular, which must not stop the other worlds.
+    """
+    step = np.zeros(error.shape)
+    jacobian, error = jacobian[worlds], error[worlds]
     try:
-        return np.asarray(np.linalg.solve(jacobian, error[..., np.newaxis])[..., 0])
+        step[worlds] = np.linalg.solve(jacobian, error[..., np.newaxis])[..., 0]
     except np.linalg.LinAlgError:
-        step = np.full(error.shape, np.nan)
+        found = np.full(error.shape, np.nan)
         for at in np.ndindex(error.shape[:-1]):
             if np.linalg.matrix_rank(jacobian[at]) == _POSE:
-                step[at] = np.linalg.solve(jacobian[at], error[at])
-        return step
+                found[at] = np.linalg.solve(jacobian[at], error[at])
+        step[worlds] = found
+    return step

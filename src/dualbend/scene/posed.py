@@ -7,8 +7,9 @@ from typing import Protocol
 
 import mujoco
 import numpy as np
+from mujoco.batch import MODEL_FIELDS
 
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Mask, Vector
 
 _POSE = 6
 
@@ -19,10 +20,11 @@ class Posed(Protocol):
     def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """Return places (..., sites, 3) and axes (..., sites, 9) of the sites in the world."""
 
-    def jacobian(self) -> Vector:
+    def jacobian(self, worlds: Mask) -> Vector:
         """Return that of the first site of each arm (..., 2, 6, 6), where they were placed.
 
-        Translation and rotation in the world, by the own arm's six joints.
+        Translation and rotation in the world, by the own arm's six joints; of the others than the
+        named worlds (...) it is 0.
         """
 
     def coriolis(self, q: Vector, speed: Vector) -> Vector:
@@ -33,8 +35,8 @@ class PosedArms:
     """One pair of arms; ``sites``: one of each arm, left and right, and any others."""
 
     def __init__(self, robots: mujoco.MjModel, sites: Sequence[str]) -> None:
-        self._model = weightless(robots)
-        self.data = mujoco.MjData(self._model)
+        self.model = weightless(robots)
+        self.data = mujoco.MjData(self.model)
         self._sites = np.array([robots.site(name).id for name in sites])
         self._jacobians = np.zeros((len(SIDES), _POSE, robots.nv))
         self._torque = np.empty(robots.nv)
@@ -47,11 +49,11 @@ class PosedArms:
             self.place(q)
         return self.read()
 
-    def jacobian(self) -> Vector:
+    def jacobian(self, worlds: Mask) -> Vector:
         """As :class:`Posed` has it."""
-        mujoco.mj_comPos(self._model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
         for whole, site in zip(self._jacobians, self._sites, strict=False):
-            mujoco.mj_jacSite(self._model, self.data, whole[:3], whole[3:], site)
+            mujoco.mj_jacSite(self.model, self.data, whole[:3], whole[3:], site)
         left, right = self._jacobians
         return np.stack((left[:, :_POSE], right[:, _POSE:]))
 
@@ -63,7 +65,7 @@ class PosedArms:
     def place(self, q: Vector) -> None:
         """Place the arms at joint angles (n,)."""
         self.data.qpos[:] = q
-        mujoco.mj_kinematics(self._model, self.data)
+        mujoco.mj_kinematics(self.model, self.data)
 
     def read(
         self, places: Vector | None = None, axes: Vector | None = None
@@ -78,19 +80,27 @@ class PosedArms:
     def torque(self, speed: Vector) -> Vector:
         """Return the torques (n,) [N m] of Coriolis and centrifugal forces where it was placed."""
         self.data.qvel[:] = speed
-        mujoco.mj_comPos(self._model, self.data)
-        mujoco.mj_comVel(self._model, self.data)
-        mujoco.mj_rne(self._model, self.data, 0, self._torque)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_comVel(self.model, self.data)
+        mujoco.mj_rne(self.model, self.data, 0, self._torque)
         return self._torque
 
 
 class PosedWorlds:
-    """The pairs of arms of n worlds; what has not moved since is not computed again."""
+    """The pairs of arms of n worlds of one structure, one after the other in one place of memory.
 
-    def __init__(self, worlds: Sequence[PosedArms]) -> None:
-        self._worlds, first = worlds, worlds[0]
-        self._q = np.full((len(worlds), len(first.data.qpos)), np.nan)
-        self._places, self._axes = (np.array([part] * len(worlds)) for part in first.read())
+    What has not moved since is not computed again.
+    """
+
+    def __init__(self, robots: Sequence[mujoco.MjModel], sites: Sequence[str]) -> None:
+        self._arms = PosedArms(robots[0], sites)
+        model, names = self._arms.model, differing(robots)
+        names = [name for name in names if name not in _NOT_OF_A_MOTION]
+        self._numbers = [
+            [(getattr(model, name), getattr(one, name)) for name in names] for one in robots
+        ]
+        self._q = np.full((len(robots), len(self._arms.data.qpos)), np.nan)
+        self._places, self._axes = (np.array([part] * len(robots)) for part in self._arms.read())
 
     def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """As :class:`Posed` has it."""
@@ -98,19 +108,45 @@ class PosedWorlds:
         if moved.any():
             self._q = q.copy()
             for world in np.flatnonzero(moved).tolist():
-                one = self._worlds[world]
-                one.place(q[world])
-                one.read(self._places[world], self._axes[world])
+                self._place(world).read(self._places[world], self._axes[world])
         return self._places, self._axes
 
-    def jacobian(self) -> Vector:
+    def jacobian(self, worlds: Mask) -> Vector:
         """As :class:`Posed` has it."""
-        return np.array([one.jacobian() for one in self._worlds])
+        found = np.zeros((len(self._q), len(SIDES), _POSE, _POSE))
+        for world in np.flatnonzero(worlds).tolist():
+            found[world] = self._place(world).jacobian(worlds)
+        return found
 
     def coriolis(self, q: Vector, speed: Vector) -> Vector:
         """As :class:`Posed` has it."""
         self.frames(q)
-        return np.array([one.torque(v) for one, v in zip(self._worlds, speed, strict=True)])
+        torque = np.empty_like(speed)
+        for world, v in enumerate(speed):
+            torque[world] = self._place(world).torque(v)
+        return torque
+
+    def _place(self, world: int) -> PosedArms:
+        for own, number in self._numbers[world]:
+            own[...] = number
+        self._arms.place(self._q[world])
+        return self._arms
+
+
+_NOT_OF_A_MOTION = ("body_invweight0", "dof_invweight0", "dof_M0", "actuator_acc0", "dof_length")
+"""What is derived from a model's numbers for its constraints, and moves nothing by itself."""
+
+
+def differing(models: Sequence[mujoco.MjModel]) -> list[str]:
+    """Return the names of the fields of which some model has other values than the first."""
+    names = [name for name in sorted(MODEL_FIELDS) if not name.startswith("opt.")]
+    first = {name: getattr(models[0], name, None) for name in names}
+    return [
+        name
+        for name, value in first.items()
+        if isinstance(value, np.ndarray)
+        and not all(np.array_equal(value, getattr(model, name)) for model in models[1:])
+    ]
 
 
 def weightless(robots: mujoco.MjModel) -> mujoco.MjModel:
