@@ -323,7 +323,7 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
 def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
     """Compare the loop's time with that of bare mj_step calls.
 
-    Both use the same model and run alternately in one process.
+    Both go through the same states of the same model, alternately in one process.
     """
     from dualbend.study.benchmark import benchmark as measure
 
