@@ -59,7 +59,7 @@ class _OnePiece:
         positive("length_m", self.length_m)
         _range(self.start_rad, self.target_rad)
 
-    @property
+    @cached_property
     def knots(self) -> FloatArray:
         """Start and target [rad]."""
         return _range(self.start_rad, self.target_rad)

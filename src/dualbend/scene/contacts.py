@@ -86,6 +86,7 @@ class UnintendedContacts:
         bits = model.geom_contype[:, np.newaxis] & model.geom_conaffinity
         self._unintended = ((bits | bits.T) & _INTENDED) == 0
         self._found: dict[tuple[str, str], float] = {}
+        self._seen = b""
 
     def __iter__(self) -> Iterator[Contact]:
         return (Contact(*names, time_s) for names, time_s in self._found.items())
@@ -93,6 +94,7 @@ class UnintendedContacts:
     def reset(self) -> None:
         """Forget all, and look at the present positions."""
         self._found.clear()
+        self._seen = b""
         self.look(self._data.time)
 
     def on_step(self) -> None:
@@ -103,6 +105,10 @@ class UnintendedContacts:
     def look(self, time_s: float) -> None:
         """Add the pairs that touch now for the first time."""
         geoms = self._data.contact.geom
+        # From step to step they are mostly the same.
+        seen, self._seen = self._seen, geoms.tobytes()
+        if seen == self._seen:
+            return
         for pair in geoms[self._unintended[geoms[:, 0], geoms[:, 1]]].tolist():
             first, second = sorted(pair, key=self._rank.item)
             self._found.setdefault((self._names[first], self._names[second]), time_s)

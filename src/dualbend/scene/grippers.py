@@ -46,7 +46,8 @@ class Grippers:
         self._end_turn = model.site_quat[self._ends].copy()
         # A site that is parallel to its body is compiled to stay so: its quaternion goes unread.
         model.site_sameframe[self._ends] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
-        self._holds = [model.equality(f"{side}_hold").id for side in SIDES]
+        self._holds = np.array([model.equality(f"{side}_hold").id for side in SIDES])
+        self._active = data.eq_active
         self._opening_m = self._squeeze_m = 0.0
 
     def reset(self, opening_m: float) -> None:
@@ -78,7 +79,7 @@ class Grippers:
     @property
     def holding(self) -> tuple[bool, bool]:
         """Which gripper holds the sheet."""
-        left, right = self._data.eq_active[self._holds]
+        left, right = self._active.take(self._holds).tolist()
         return bool(left), bool(right)
 
     def on_step(self) -> None:

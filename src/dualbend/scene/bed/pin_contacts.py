@@ -54,9 +54,14 @@ class PinContacts:
         strips: StripConfig,
     ) -> None:
         self._data = data
-        sensors = [model.sensor(f"{kind}_{hole}") for kind in ("net", "edge") for hole in HOLES]
-        self._read = np.add.outer([sensor.adr[0] for sensor in sensors], np.arange(3))
-        self._sites = [model.site(f"hole_{hole}").id for hole in HOLES]
+        kinds = ("net", "edge", "distance")
+        at = np.array([[model.sensor(f"{k}_{hole}").adr[0] for hole in HOLES] for k in kinds])
+        # Python in every physics step: most often nothing touches a pin, which one look tells.
+        self._told = data.sensordata[at.min() : at.max() + 1]
+        at -= at.min()
+        self._read, self._distance = np.add.outer(at[:2].ravel(), np.arange(3)), at[2]
+        self._sites = np.array([model.site(f"hole_{hole}").id for hole in HOLES])
+        self._site_heights = data.site_xpos[:, 2]
         self._pins = np.column_stack((hole_places(layout.holes), [layout.bed.top_m] * len(HOLES)))
         self._half_thickness_m = sheet.thickness_m / 2
         self._finer = max(1.0, _THICK_M / sheet.thickness_m)
@@ -64,22 +69,29 @@ class PinContacts:
         self._tips_m = layout.bed.top_m + layout.pins.height_m + self._half_thickness_m
         # A thicker pin's round tip begins lower.
         self._struck_m = -layout.pins.tip_m - 0.5 * max(layout.pins.thicker_m)
-        self._height, self._near, self._tilts_m = np.zeros(len(HOLES)), False, _NEAR_M
+        self._height, self._near, self._tilts_m = [0.0] * len(HOLES), False, _NEAR_M
         self._strips = [model.body(strip_body(i)).id for i in range(strips.hinges + 1)]
         self._model = model
-        self._distance = [model.sensor(f"distance_{hole}").adr[0] for hole in HOLES]
-        self._jams = np.array(layout.pins.thicker_m) > layout.holes.clearance_m
+        self._jams = [thicker > layout.holes.clearance_m for thicker in layout.pins.thicker_m]
         self._forget()
 
     def _forget(self) -> None:
         self._squared = np.zeros(2 * len(HOLES))
         self._least, self._deepest = np.full(len(HOLES), np.inf), np.zeros(len(HOLES))
 
+    def _heights(self) -> list[float]:
+        """Return the height of each hole's centre [m]."""
+        heights: list[float] = self._site_heights.take(self._sites).tolist()
+        return heights
+
     def on_step(self) -> None:
         """Keep the peaks since the last :meth:`peaks`; once per physics step."""
-        force = self._data.sensordata[self._read]
+        if not np.count_nonzero(self._told):
+            self._least[:] = 0.0
+            return
+        force = self._told[self._read]
         np.maximum(self._squared, np.einsum("ij,ij->i", force, force), out=self._squared)
-        depth = -self._data.sensordata[self._distance]
+        depth = -self._told[self._distance]
         np.minimum(self._least, depth, out=self._least)
         np.maximum(self._deepest, depth, out=self._deepest)
 
@@ -93,24 +105,24 @@ class PinContacts:
         """
         if not self._near:
             return 1
-        height = self._data.site_xpos[self._sites, 2]
-        fall, above = self._height - height, height - self._tips_m
-        self._height = height
-        strikes = (above > self._struck_m - self._tilts_m) & (above < 3.0 * fall + self._tilts_m)
-        needed = float(np.max(fall, where=strikes, initial=0.0)) / _RESOLVED_M
-        if np.any(strikes & (self._data.sensordata[self._distance] < 0.0)):
-            needed = max(needed, 4.0)
-        needed = min(needed, 8.0) * self._finer
-        if np.any(self._jams & strikes & (above < 0.0)):
-            needed = _JAMMED
+        heights, needed, jammed = self._heights(), 0.0, False
+        depths = (-self._told[self._distance]).tolist()
+        lowest = self._struck_m - self._tilts_m
+        for now, before, depth, jams in zip(heights, self._height, depths, self._jams, strict=True):
+            fall, above = before - now, now - self._tips_m
+            if lowest < above < 3.0 * fall + self._tilts_m:
+                needed = max(needed, fall / _RESOLVED_M, 4.0 if depth > 0.0 else 0.0)
+                jammed = jammed or (jams and above < 0.0)
+        self._height = heights
+        needed = _JAMMED if jammed else min(needed, 8.0) * self._finer
         return next((n for n in (1, 2, 4, 8, 16) if needed <= n), 32)
 
     def peaks(self) -> PinPeaks:
         """Return the peaks, and start again; once per command cycle."""
         force, edge = np.sqrt(self._squared).reshape(2, len(HOLES))
         lasting = np.where(np.isinf(self._least), 0.0, self._least)
-        self._height = self._data.site_xpos[self._sites, 2]
-        above = self._height - self._tips_m
+        self._height = self._heights()
+        above = np.array(self._height) - self._tips_m
         away = np.abs(self.offsets()[:, :2]).max()
         # A pin far from its hole meets the bent sheet higher or lower than the hole is.
         self._tilts_m = _NEAR_M + min(_SLOPE * max(away - _FAR_M, 0.0), _MOST_M)
