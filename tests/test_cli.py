@@ -79,6 +79,12 @@ def test_summary_is_strict_json(folder: Path) -> None:
         (["run", "fig6", "--set", "motion.speed_rad_per_s=4.9"], ["motion.speed_rad_per_s", "4.9"]),
         (["beam", "--length", "0.6", "--width", "0.1", "--thickness", "-1", "--young", "7e10",
           "--alpha", "0.2"], ["thickness", "-1"]),
+        (["render", "x.rrd", "--out", "x.png"], ["x.rrd: is a recording", "needs a scenario"]),
+        (
+            ["run", "fig6", "--set", "sheet.profile=[{at_m=0.1,thickness_m=1e-3},"
+             "{at_m=0.8,thickness_m=1e-3}]"],
+            ["profile at [0.1, 0.8] m: must lead from 0", "0.8 m"],
+        ),
         (["stability", "tuned", "--validate"], ["--validate", "tuned", "beyond the paper"]),
         (["stability", "fig8", "--map", "m.png", "--map-b", "10", "1"], ["--map-b", "10", "1"]),
         (["stability", "fig8", "--map", "m.png", "--map-k", "-1", "1"], ["--map-k", "-1"]),

@@ -152,6 +152,11 @@ def own_class(name: str, folder: str | None = None) -> Callable[..., Any]:
     Raises InputError where there is none, or its module cannot be imported.
     """
     module, colon, attribute = own_names().get(name, name).partition(":")
+    if module.endswith(".py"):
+        raise InputError(
+            f'needs "module:Class" with a module, not a file: "{Path(module).stem}:{attribute}"; '
+            "it is found beside the scenario's file"
+        )
     if not (colon and all(part.isidentifier() for part in f"{module}.{attribute}".split("."))):
         known = f", or one of {', '.join(own_names())}" if own_names() else ""
         raise InputError(f'needs "module:Class"{known}')
@@ -208,6 +213,11 @@ def beside(folder: str | None) -> Iterator[None]:
 
 
 def raised_at(error: BaseException) -> str:
-    """Return file and line where an exception was raised, in parentheses."""
+    """Return file and line where an exception was raised, in parentheses.
+
+    "" where it says them itself, as a SyntaxError does.
+    """
+    if isinstance(error, SyntaxError) and error.filename:
+        return ""
     frames = traceback.extract_tb(error.__traceback__)
     return f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""

@@ -3,6 +3,7 @@
 import html
 import json
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,9 @@ from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.study.paper_figures import FORMATS, write_pictures
 from dualbend.table import Code, Column, Table
+from dualbend.task.assembly.report import sheets_section
 from support.left_runs import copied, leave
+from support.made_up_book import make_book
 from support.strip import STRIP8
 
 SHORT = ("path.end_rad=0.4", "motion.speed_rad_per_s=0.4", "motion.settle_s=0.1")
@@ -253,6 +256,21 @@ def test_an_assembly_has_its_own_sections(top: Path) -> None:
     for title in ("Holes over pins", "Forces on the pins", "Phases", "Wrench on both arms"):
         assert f">{title}</h3>" in page
     assert "interrupted by the user" in page
+
+
+def test_a_stack_shows_how_each_sheet_went_and_what_was_learned() -> None:
+    _, run = make_book()
+    place = {f"{which}_{axis}_m": 1e-3 for which in ("start", "found") for axis in "xy"}
+    lesson = {**place, "found_yaw_rad": 2e-3, "found_left_level_m": 3e-4, "learned": False}
+    section = sheets_section(replace(run, lessons=(lesson,)))
+    assert section is not None
+    (table,) = section.blocks
+    assert isinstance(table, Table)
+    names = [c if isinstance(c, str) else c.name for c in table.columns]
+    cells = dict(zip(names, table.rows[0], strict=True))
+    assert (cells["sheet"], cells["retries"], cells["learned from"]) == ("1", 1, False)
+    assert (cells["found at x"], cells["turned"], cells["raised left"]) == (1.0, 2.0, 0.3)
+    assert table.rows[1][-1] is None  # of the second sheet nothing was found
 
 
 def test_a_run_that_ended_before_it_bent_still_has_its_report(top: Path) -> None:

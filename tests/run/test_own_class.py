@@ -204,6 +204,14 @@ def test_a_class_of_ones_own_lays_a_sheet() -> None:
     )
 
 
+def test_a_factory_takes_the_place_of_the_compliance_of_an_assembly() -> None:
+    run = make_run(load_scenario("pwb"), compliance=lambda _: lambda _: np.full((2, 6), 1e-3))
+    run.begin()
+    run.step()
+    assert run.trace["left_deviation_alpha"][0] == 1e-3
+    assert "lambda" in run.record("completed").controller
+
+
 # --- found -------------------------------------------------------------------------------------
 
 
@@ -314,8 +322,10 @@ def test_a_file_that_names_another_class_has_none_of_the_options(tmp_path: Path)
         (["compliance=own"], "`controller`"),
         (
             ["compliance=mine"],
-            "must be one of 'admittance', 'model', 'mass-spring-damper', 'own', 'none'",
+            "must be one of 'admittance', 'model', 'mass-spring-damper', 'own', 'none'; "
+            '"module:Class" for a class of your own',
         ),
+        (["compliance=mine.py:Mine"], 'with a module, not a file: "mine:Mine"'),
         (["compliance=support.controllers:Turn"], "compliance.options: "),
         (["compliance=support.controllers:Turn"], "missing required field `b`"),
         (
@@ -366,6 +376,13 @@ def test_options_of_types_that_no_file_holds_are_passed_as_they_are() -> None:
     assert getattr(made.controller, "b", 0.0) == 3.0
 
 
+def test_an_error_of_its_syntax_is_told_with_its_file_and_line(tmp_path: Path) -> None:
+    (tmp_path / "half_written.py").write_text("import math\nclass Mine\n")
+    (tmp_path / "x.toml").write_text('extends = "fig6"\ncompliance = "half_written:Mine"\n')
+    with pytest.raises(InputError, match=r"SyntaxError: .* \(half_written\.py, line 2\)$"):
+        load_scenario(str(tmp_path / "x.toml"))
+
+
 def test_the_command_refuses_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "broken_module.py").write_text("import nothing_of_the_kind\n")
     (tmp_path / "x.toml").write_text('extends = "fig6"\ncompliance = "broken_module:Mine"\n')
@@ -387,10 +404,18 @@ def test_without_transfer_functions_a_loop_is_not_predicted() -> None:
 
 
 @pytest.mark.parametrize("option", ["--map=x.png", "--validate"])
-def test_its_loop_is_no_point_of_a_map(option: str) -> None:
-    ended = CliRunner().invoke(main, ["stability", str(EXAMPLE), option])
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ([str(EXAMPLE)], "a class of your own"),
+        (["fig8", "--set", 'compliance={kind="mass-spring-damper",pitch={b=9}}'], "has m, b and k"),
+    ],
+)
+def test_its_loop_is_no_point_of_a_map(option: str, kind: list[str], said: str) -> None:
+    ended = CliRunner().invoke(main, ["stability", *kind, option])
     assert ended.exit_code == 2
-    assert "of your own" in ended.output
+    assert f"{option.partition('=')[0]}: scenario" in ended.output
+    assert f"{said}" in ended.output
 
 
 def test_a_search_turns_the_gains_that_the_class_names_and_no_other() -> None:

@@ -149,6 +149,7 @@ def test_the_library_is_a_file_like_ones_own() -> None:
             "two.toml holds 2 materials: add the name .*two.toml:weave",
         ),
         ('material = "two.toml:wave"', "two.toml holds weave, PEEK, not 'wave'"),
+        ('material = "empty.toml"', "empty.toml: holds no material: it needs a table for each"),
         ('material = "bad.toml"', r"\[A\] yuong_pa: unknown key; valid here: title, young_pa"),
         ('material = "flat.toml"', r"young_pa: a material is a table: put \[NAME\] above"),
         ('material = "few.toml"', r"\[A\] poisson_ratio, density_kg_per_m3: missing"),
@@ -163,6 +164,7 @@ def test_what_is_no_material_is_refused_with_its_place(
 ) -> None:
     rest = "poisson_ratio = 0.3\ndensity_kg_per_m3 = 1000.0\n"
     for name, text in {
+        "empty": "",
         "bad": "[A]\nyuong_pa = 1e9\n",
         "flat": "young_pa = 1e9\n",
         "few": "[A]\nyoung_pa = 1e9\n",

@@ -121,6 +121,8 @@ def materials_of(tables: Mapping[str, Any]) -> dict[str, Material]:
     A number stands alone or, as ``{ value, grade, source }``, with its evidence. InputError where a
     table, a key or a number is none.
     """
+    if not tables:
+        raise InputError("holds no material: it needs a table for each, [NAME] above its numbers")
     return {name: _read(name, table) for name, table in tables.items()}
 
 

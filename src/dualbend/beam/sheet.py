@@ -12,7 +12,7 @@ from numpy.polynomial.legendre import leggauss
 from dualbend.beam._check import positive
 from dualbend.beam.plastic import Plasticity
 from dualbend.beam.rigidity import Rigidity, rigidity_ratio
-from dualbend.errors import InputError
+from dualbend.errors import InputError, brief
 from dualbend.types import Vector
 
 GRAVITY_M_PER_S2 = 9.81
@@ -34,7 +34,8 @@ def refuse_profile(profile: tuple[tuple[float, float], ...], length_m: float) ->
     places = [s for s, _ in profile]
     if len(profile) < 2 or places[0] != 0.0 or abs(places[-1] - length_m) > 1e-9 * length_m:
         raise InputError(
-            f"profile must lead from 0 to the sheet's length, {length_m:g} m, in two rows or more"
+            f"profile at {brief(places)} m: must lead from 0 to the sheet's length, "
+            f"{length_m:g} m, in two rows or more"
         )
     for i, (a, b) in enumerate(pairwise(places)):
         # Two rows of one place are a step; a third would have no thickness of its own.

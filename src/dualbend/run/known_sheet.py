@@ -72,7 +72,7 @@ def make_admittance(scenario: Scenario, shape: tuple[int, ...] = ()) -> Admittan
     Raises InputError where the model's states are not found or out of reach.
     """
     config = scenario.compliance
-    if not isinstance(config, ModelAdmittanceConfig) or not config.modelled:
+    if not isinstance(config, ModelAdmittanceConfig) or not config.beyond:
         return Admittance(config, period_s=scenario.period_s, shape=shape)
     own, nominal = (
         response_model(scenario, delay_cycles=delay_cycles, channels=channels, shape=shape)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from dualbend.control.controller import Command, Controller
+from dualbend.control.controller import Command
 from dualbend.errors import InputError
 from dualbend.run.arm_load import refuse_overload
 from dualbend.run.arms import shown_placements, with_placements
 from dualbend.run.cell import RobotCell
-from dualbend.run.known_sheet import make_compliance
 from dualbend.run.loop import Asking, Run
 from dualbend.run.record import task_of
 from dualbend.scenario.motion import NominalMotion
@@ -46,9 +43,6 @@ class PlanarRun(Run):
         Says everything about the cell and the controller.
     motion
         Phase and nominal pose of the grips at every command cycle.
-    compliance
-        Makes what takes the place of the scenario's ``[compliance]``, again for each run: it may
-        have a memory. The record and its summary name it.
 
     Raises
     ------
@@ -56,13 +50,8 @@ class PlanarRun(Run):
         A pose of the motion is out of reach, or its joint speeds are above the arm's.
     """
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        motion: NominalMotion,
-        compliance: Callable[[Scenario], Controller] = make_compliance,
-    ) -> None:
-        self.compliance, self.motion = compliance, motion
+    def __init__(self, scenario: Scenario, motion: NominalMotion) -> None:
+        self.motion = motion
         self.phases = task_of(scenario).phases
         self.scenario = scenario = with_placements(scenario)
         z_m = scenario.cell.sheet_height_m + motion.rise_m

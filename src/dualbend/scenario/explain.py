@@ -104,9 +104,10 @@ def refuse_unknown(data: object, kinds: Kinds, source: str, keys: tuple[str, ...
         return
     if tagged and KIND in data and data[KIND] not in list(kinds):
         hint = nearest(brief(data[KIND]), map(repr, kinds), most=1).rstrip()
+        own = '"module:Class" for a class of your own' if "own" in kinds else ""
         raise InputError(
             f"{source}: {_dotted((*keys, KIND))} = {brief(data[KIND])}: must be one of "
-            f"{_listed(kinds)}{'; ' if hint else ''}{hint}"
+            f"{'; '.join(part for part in (_listed(kinds), own, hint) if part)}"
         )
     fields = fields_in(kinds, data)
     for key, value in data.items():

@@ -118,6 +118,8 @@ def _find(name_or_file: str) -> Path:
     shipped = list_scenarios()
     if name_or_file in shipped and not is_file:
         return shipped[name_or_file]
+    if path.suffix == ".rrd":
+        raise InputError(f"{path}: is a recording, which rerun shows; this needs a scenario, .toml")
     if path.suffix == ".toml" and not exists:
         raise InputError(f"{name_or_file}: no such file")
     if not exists or not name_or_file:

@@ -71,10 +71,9 @@ def stability_map(
                 f"{key} {low:g} {high:g}: an empty range; needs two growing multiples of the "
                 "scenario's gain above 0, e.g. 0.01 100"
             )
-    if scenario.compliance.modelled:
+    if beyond := scenario.compliance.beyond:
         raise InputError(
-            f"--map: scenario {scenario.name!r} has compliance beyond the paper (of your own, "
-            "schedule, reference, fusion or predictor): its loop is no point of a map in (b, k)"
+            f"--map: scenario {scenario.name!r}: {beyond}: its loop is no point of a map in (b, k)"
         )
     factors = _reach(*b_times), _reach(*k_times)
     if not prediction.rows:

@@ -75,10 +75,11 @@ class ModelAdmittanceConfig(_TwoAxes, tag="model"):
             )
 
     @property
-    def modelled(self) -> bool:
-        """Something of it needs to know the sheet: its loop is no point of (b, k)."""
-        parts = (self.schedule, self.reference, self.fusion, self.predictor)
-        return any(part is not None for part in parts)
+    def beyond(self) -> str:
+        """What of it needs to know the sheet, in words; "" where nothing does."""
+        names = ("schedule", "reference", "fusion", "predictor")
+        given = [f"compliance.{name}" for name in names if getattr(self, name) is not None]
+        return f"{', '.join(given)} goes beyond the paper" if given else ""
 
 
 ComplianceConfig: TypeAlias = (

@@ -116,6 +116,9 @@ class ComplianceBase(Tagged):
         return False
 
     @property
-    def modelled(self) -> bool:
-        """It is more than constant b and k on the wrench: its loop is no point of (b, k)."""
-        return False
+    def beyond(self) -> str:
+        """What of it is more than constant b and k on the wrench, in words; "" where nothing is.
+
+        The loop of what is more is no point of (b, k).
+        """
+        return ""

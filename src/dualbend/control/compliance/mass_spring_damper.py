@@ -59,9 +59,9 @@ class MassSpringDamperConfig(ComplianceBase, tag="mass-spring-damper"):
         return self.frame != "world" or any(other is not None for other in others)
 
     @property
-    def modelled(self) -> bool:
-        """It has more than b and k: its loop is no point of (b, k)."""
-        return True
+    def beyond(self) -> str:
+        """It has m besides b and k, in each direction."""
+        return "compliance.kind = 'mass-spring-damper' has m, b and k in up to six directions"
 
     @property
     def not_predicted(self) -> str:

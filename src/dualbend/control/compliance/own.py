@@ -68,9 +68,9 @@ class OwnComplianceConfig(ComplianceBase, tag="own"):
         return True
 
     @property
-    def modelled(self) -> bool:
-        """Its loop is no point of (b, k), whatever it is."""
-        return True
+    def beyond(self) -> str:
+        """Whatever it is, it need not be b and k."""
+        return f"compliance.kind = {brief(self.controller)} is a class of your own"
 
     @property
     def gains(self) -> tuple[str, ...]:

@@ -57,10 +57,9 @@ def onset_study(
     Raises InputError where there is nothing to study, a ray or angle is no positive number, the
     scenario has no such axis, an onset is not found, or the folder cannot be written.
     """
-    if scenario.compliance.modelled:
+    if beyond := scenario.compliance.beyond:
         raise InputError(
-            f"--validate: scenario {scenario.name!r} has compliance beyond the paper (of your own, "
-            "schedule, reference, fusion or predictor): rays in (b, k) say nothing of it"
+            f"--validate: scenario {scenario.name!r}: {beyond}: rays in (b, k) say nothing of it"
         )
     tasks = _tasks(scenario, points)
     study = Study(

@@ -30,6 +30,7 @@ def sections_of(run: RunRecord) -> list[Section | None]:
     over_time = OverTime(run)
     return [
         holes_section(over_time),
+        sheets_section(run),
         metrics_section([run], ["value"], "over all phases"),
         pins_section(over_time),
         phase_section(over_time),
@@ -110,6 +111,48 @@ def _final(run: RunRecord, allowed_mm: float) -> list[Block]:
         *("hole", quantity("off its pin's axis", "µm"), quantity("above its rest", "µm"), "seated")
     ]
     return [picture, Table(columns, rows, "Holes at the end of the run")]
+
+
+_LEARNED = (
+    *(
+        (f"{which}_{axis}_m", f"{said} {axis}", "mm", 1e3)
+        for which, said in (("start", "begun at"), ("found", "found at"))
+        for axis in "xy"
+    ),
+    ("found_yaw_rad", "turned", "mrad", 1e3),
+    ("found_height_m", "raised", "mm", 1e3),
+    ("found_left_level_m", "raised left", "mm", 1e3),
+    ("found_right_level_m", "raised right", "mm", 1e3),
+)
+"""Columns of the summary's sheets that only one of which something was found has."""
+
+
+def sheets_section(run: RunRecord) -> Section | None:
+    """Return how each sheet of a stack went, and what was learned with it; None of one sheet."""
+    sheets = run.summary.tables.get("sheets", [])
+    if len(sheets) < 2:
+        return None
+    rows = [
+        (
+            _count(row.get("sheet")),
+            row.get("retries"),
+            row.get("time_s"),
+            row.get("peak_pin_force_n"),
+            *(by * _float(row[key]) if key in row else None for key, _, _, by in _LEARNED),
+            row.get("learned"),
+        )
+        for row in sheets
+    ]
+    columns: Columns = [
+        *("sheet", quantity("retries"), quantity("time", "s"), quantity("peak pin force", "N")),
+        *(quantity(said, unit) for _, said, unit, _ in _LEARNED),
+        "learned from",
+    ]
+    caption = (
+        "Each sheet: lowered again so often, and where the grips' middle was over that of the pins "
+        "when it was lowered first and when it was found seated."
+    )
+    return Section("Sheet by sheet", [Table(columns, rows, caption)])
 
 
 def pins_section(over_time: OverTime) -> Section:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from dualbend.control.controller import Controller
 from dualbend.control.learning import CorrectedController
-from dualbend.run.known_sheet import make_compliance
 from dualbend.run.learned import path_correction
 from dualbend.run.planar import PlanarRun
 from dualbend.scenario.motion import NominalMotion, nominal_motion
@@ -54,12 +51,7 @@ class BendingRun(PlanarRun):
     that the scenario names.
     """
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        compliance: Callable[[Scenario], Controller] = make_compliance,
-        correction: Vector | None = None,
-    ) -> None:
+    def __init__(self, scenario: Scenario, correction: Vector | None = None) -> None:
         self._imposed = imposed_errors(scenario)
         self.grip_errors: Vector | None = None
         self.grips_change: Mask = np.zeros(1, dtype=np.bool_)
@@ -68,7 +60,7 @@ class BendingRun(PlanarRun):
             self.learned = "a correction from Python"
         elif scenario.path.learned is not None:
             self._correction, self.learned = path_correction(scenario)
-        super().__init__(scenario, _motion(scenario), compliance)
+        super().__init__(scenario, _motion(scenario))
 
     def controller(self) -> Controller:
         """Return the compliance, with what was learned added where something was."""
