@@ -22,7 +22,7 @@ from dualbend.scenario.load import load_scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.task.assembly.config import assembly_of
 from dualbend.task.assembly.program.motions import PHASES
-from dualbend.task.assembly.run import TASK_COLUMNS
+from dualbend.task.assembly.run import columns as columns_of
 from support.rows import written_run
 
 CASE = Case("case", 1)
@@ -164,7 +164,7 @@ def test_a_run_tells_its_peaks_over_their_limits_and_its_longest_phases() -> Non
             "edge_force_outer_left": [1.0, 8.0, 3.0, 2.0, np.nan],
             "bend_010": [0.0, 0.04, 0.0, 0.0, 0.0],
         },
-        TASK_COLUMNS,
+        columns_of(scenario),
         outcome="protective_stop",
         reason="the left arm stops",
     )
@@ -190,7 +190,7 @@ def test_a_sheet_that_was_let_go_unseated_is_a_false_success() -> None:
     off[2, 2] = 2e-3
     scenario = load_scenario("pwb", ["imperfections=none"])
     for laid, wrongly in ((off, 1), (np.zeros((4, 3)), 0)):
-        result = written_run(scenario, {"phase": [0, 12]}, TASK_COLUMNS, laid=(laid,))
+        result = written_run(scenario, {"phase": [0, 12]}, columns_of(scenario), laid=(laid,))
         found = ran(CASE, result)
         assert (found.false_seated, found.false_unseated) == (wrongly, 0)
         assert found.holes_seated == 4 - wrongly

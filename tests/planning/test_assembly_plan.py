@@ -396,7 +396,7 @@ def test_impossible_layouts_are_refused_by_key_and_value(
 
 def test_a_tip_that_does_not_guide_is_refused() -> None:
     blunt = PinsConfig(height_m=8e-3, tip="taper", taper_length_m=1e-3, friction=2.0)
-    with pytest.raises(InputError, match=r"0\.31 mm inside .* taper tip guides .* missing"):
+    with pytest.raises(InputError, match=r"0\.31 mm off .* taper tip guides .* missing"):
         plan_assembly(STRIP, HOLES, blunt)
 
 

@@ -9,9 +9,8 @@ import pytest
 from msgspec import inspect as mi
 
 from dualbend.errors import InputError, brief, shortened
-from dualbend.scenario.keys import section_of, sections
+from dualbend.scenario.keys import listed, sections
 from dualbend.scenario.load import load_scenario
-from dualbend.scenario.sheet import LISTED
 from dualbend.scenario.structs import fields_of, plain
 
 LONGEST = 600
@@ -152,7 +151,7 @@ def test_every_value_of_a_scenario_has_bounds() -> None:
     """Exact: no key takes what no cell has, a lever arm of 1e9 m or a text of a megabyte."""
     free = [
         f"{section.title}.{name}"
-        for section in (*sections(), *map(section_of, LISTED))
+        for section in (*sections(), *listed())
         for name, field in fields_of(section.struct).items()
         if not field.is_section and unbounded(field.type)
     ]

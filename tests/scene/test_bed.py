@@ -412,14 +412,15 @@ def test_a_laid_sheet_is_a_copy_of_every_strip() -> None:
 
 def test_pins_may_be_thicker_than_drawn_or_missing_while_the_holes_stay() -> None:
     pins = PinsConfig(thicker_m=(0.0, 1e-4, 0.0, -1e-4), missing=("outer_left",))
-    model, drawn = Scene(LayoutConfig(pins=pins)).model, Scene(ROUND).model
+    layout = LayoutConfig(pins=pins)
+    model, drawn = Scene(layout).model, Scene(ROUND).model
     for hole, more in zip(HOLES, pins.thicker_m, strict=True):
         # Exact, but for rounding: a radius is half of it; holes belong to the drawn pins.
         radius = model.geom(f"pin_{hole}").size[0]
         assert 2.0 * radius == pytest.approx(pins.diameter_m + more, rel=1e-12)
         assert model.site(f"hole_{hole}").size[0] == drawn.site(f"hole_{hole}").size[0]
     shown = [model.geom(f"pin_{hole}").group.item() == 2 for hole in HOLES]
-    assert shown == pins.stand.tolist() == [True, True, False, True]
+    assert shown == layout.standing.tolist() == [True, True, False, True]
 
 
 def test_a_pin_that_is_thicker_than_its_hole_does_not_let_it_down() -> None:

@@ -9,7 +9,7 @@ from dualbend.run.record import RunRecord, Scene
 from dualbend.run.trace import TraceRecorder
 from dualbend.scenario.load import load_scenario
 from dualbend.task.assembly.program.motions import PHASES
-from dualbend.task.assembly.run import TASK_COLUMNS, AssemblyRun
+from dualbend.task.assembly.run import AssemblyRun, columns
 
 ROWS_A_PHASE = 3
 BEND_RAD = 0.15
@@ -39,7 +39,7 @@ def make_book(seed: int = 3) -> tuple[AssemblyRun, RunRecord]:
     simulation, rows = run.cell.simulation, stages()
     hinges = run.scenario.sheet.strips.hinges
     trace = TraceRecorder(
-        len(rows), [0, 1], simulation.model.nq, hinges, run.cell.arms.slides, TASK_COLUMNS
+        len(rows), [0, 1], simulation.model.nq, hinges, run.cell.arms.slides, columns(run.scenario)
     )
     generator = np.random.default_rng(seed)
     trace.rows = len(rows)

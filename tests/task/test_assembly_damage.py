@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dualbend.scene.bed.config import HOLES
 from dualbend.scene.bed.pin_contacts import PinPeaks
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly.config import LimitsConfig
@@ -20,7 +21,7 @@ def peaks(**on_the_third: float) -> PinPeaks:
 
 
 def test_what_is_at_its_limits_goes_on() -> None:
-    stop_at_damage("lower", peaks(**AT_THE_LIMITS), LIMITS, SHEET)
+    stop_at_damage("lower", HOLES, peaks(**AT_THE_LIMITS), LIMITS, SHEET)
 
 
 @pytest.mark.parametrize(
@@ -35,4 +36,4 @@ def test_what_is_at_its_limits_goes_on() -> None:
 def test_one_percent_more_ends_the_run_and_is_named(name: str, words: str) -> None:
     more = {**AT_THE_LIMITS, name: 1.01 * AT_THE_LIMITS[name]}
     with pytest.raises(SimulationFailed, match=words):
-        stop_at_damage("lower", peaks(**more), LIMITS, SHEET)
+        stop_at_damage("lower", HOLES, peaks(**more), LIMITS, SHEET)

@@ -18,6 +18,7 @@ ASIDE = GoAside(
     pace=Pace(linear_m_per_s=0.25, angular_rad_per_s=0.1, jaw_m_per_s=0.02, period_s=0.028),
     places=CONFIG.places(),
     turn=CONFIG.turn_rad,
+    centre=np.zeros(2),
     felt=FELT_M,
     near=0.5 * CONFIG.step_m,
 )

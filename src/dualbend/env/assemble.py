@@ -10,7 +10,6 @@ from dualbend.control.controller import Observation
 from dualbend.env.base import CellEnv, Info
 from dualbend.errors import InputError
 from dualbend.scenario.load import Settings
-from dualbend.scene.bed.config import HOLES
 from dualbend.task.assembly.config import assembly_of
 from dualbend.task.assembly.program.motions import PHASES
 from dualbend.task.assembly.run import cycles
@@ -71,7 +70,8 @@ class AssembleEnv(CellEnv):
     def rewarded(self) -> tuple[float, Info]:
         """Return how little force the pins bear, and what is newly laid."""
         trace, laid = self.cell.trace, len(self.cell.run.laid)
-        force_n: Vector = np.array([trace[f"pin_force_{hole}"][-1] for hole in HOLES])
+        pins = assembly_of(self.cell.scenario).layout.holes.names
+        force_n: Vector = np.array([trace[f"pin_force_{pin}"][-1] for pin in pins])
         if self.cell.done and self.cell.record().outcome == "failed":
             laid = self._laid  # the sheet was let go, and does not lie on its pins
         newly, self._laid = laid - self._laid, laid

@@ -1,4 +1,4 @@
-"""Free play of a tilted hole over a pin, and guidance of a hole by the pin's tip.
+"""Free play of a tilted hole over a pin, guidance by the pin's tip, and play of holes that turn.
 
 Planar, on the outer side: x from the middle outward, z upward, slope θ ≥ 0 rising outward. The
 middle's lower face rests on the bed, so a point of the mid-surface stands t/2 + z above it.
@@ -6,14 +6,73 @@ middle's lower face rests on the bed, so a point of the mid-surface stands t/2 +
 
 from __future__ import annotations
 
+import itertools
 import math
-from typing import Final
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from dualbend.planning.shape import HolePose
-from dualbend.scene.bed.config import PinsConfig
+from dualbend.scene.bed.config import GROUPS, HolesConfig, PinsConfig
+from dualbend.types import Vector
 
 BLUNT: Final = 1.0 / 3.0
 """Radius of the flat end of a tapered tip, over that of the pin (as scene.bed builds it)."""
+
+
+class Circle(NamedTuple):
+    """Centre (2,) and radius [m]."""
+
+    centre_m: Vector
+    radius_m: float
+
+
+def smallest_circle(points: Vector) -> Circle:
+    """Return the smallest circle around points (k, 2) [m].
+
+    A plate whose holes at these points have the clearance c on pins turns by ± c / (2 R) at most, R
+    the circle's radius: turned by ψ about the centre its holes move by ψ times their distance from
+    it, each at most by c/2, and about no other place less. So it has c/R from contact to contact;
+    two holes 2 s apart have c/s. The circle is that of two of the points or through three of them.
+    """
+    best = Circle(points[0], math.inf if len(points) > 1 else 0.0)
+    for few in (*itertools.combinations(points, 2), *itertools.combinations(points, 3)):
+        around = _circle_of(*few)
+        away = np.hypot(*(points - around.centre_m).T)
+        # Those that it goes through may be off it by rounding.
+        if around.radius_m < best.radius_m and (away <= around.radius_m * (1.0 + 1e-9)).all():
+            best = around
+    return best
+
+
+def circles(holes: HolesConfig) -> tuple[Circle, Circle]:
+    """Return the circles around the middle holes and around the outer ones."""
+    middle, outer = (smallest_circle(holes.places_of(group)) for group in GROUPS)
+    return middle, outer
+
+
+def overhangs(holes: HolesConfig, length_m: float) -> tuple[Vector, Vector]:
+    """Return how long the sheet is beyond outer holes at its left and right end (2,) [m].
+
+    Beyond the farthest one on that side of its middle, and beyond the nearest.
+    """
+    along = holes.places_of("outer")[:, 0]
+    sides = -along[along < 0.0], along[along > 0.0]
+    farthest, nearest = (np.array([of(side) for side in sides]) for of in (np.max, np.min))
+    return 0.5 * length_m - farthest, 0.5 * length_m - nearest
+
+
+def _circle_of(a: Vector, b: Vector, c: Vector | None = None) -> Circle:
+    """Return the circle whose diameter is a b, or the one through three points."""
+    if c is None:
+        return Circle(0.5 * (a + b), 0.5 * math.hypot(*(b - a)))
+    p, q = b - a, c - a
+    twice = 2.0 * (p[0] * q[1] - p[1] * q[0])
+    if not twice:
+        return Circle(a, math.inf)
+    pp, qq = p @ p, q @ q
+    from_a = np.array([q[1] * pp - p[1] * qq, p[0] * qq - q[0] * pp]) / twice
+    return Circle(a + from_a, math.hypot(*from_a))
 
 
 def hole_play(hole_m: float, pin_m: float, thickness_m: float, slope_rad: float) -> float:

@@ -1,9 +1,10 @@
-"""The plan of an assembly on four pins: bend, lower the middle pair, unfold onto the outer pair.
+"""The plan of an assembly: bend, lower the middle holes, unfold onto the outer ones.
 
-The pins stand where the holes of the flat sheet belong. Bent, the middle pair is a little closer
-than its pins, by 2 (s₀ − X(s₀)) ≈ κ² s₀³ / 3, which must be less than the free play of the tilted
-holes, and the outer holes hang above the tips of their pins. Unfolding with the middle kept on the
-bed lowers them along arcs that come from inside: the tips guide them, and the arms comply along x.
+The pins stand where the holes of the flat sheet belong. Bent, a pair of middle holes is a little
+closer than its pins, by 2 (s₀ − X(s₀)) ≈ κ² s₀³ / 3, which must be less than the free play of the
+tilted holes, and the outer holes hang above the tips of their pins. Unfolding with the middle kept
+on the bed lowers them along arcs that come from inside: the tips guide them, and the arms comply
+along x.
 """
 
 from __future__ import annotations
@@ -46,13 +47,15 @@ class AssemblyPlan:
         return self.layout.hang(alpha)
 
     def spacing_m(self, alpha: float) -> float:
-        """Return the distance along x of the two middle holes at α, 2 X(s₀) [m]."""
-        return 2.0 * self.shape(alpha).at(self.layout.holes.middle.along_m).x_m
+        """Return the distance along x of the outermost middle holes at α, 2 X(s₀) of a pair [m]."""
+        shape, middle = self.shape(alpha), self.layout.middle
+        left, right = (math.copysign(shape.at(abs(s)).x_m, s) for s in (min(middle), max(middle)))
+        return right - left
 
     def middle_slack_m(self, alpha: float) -> float:
-        """Return the largest offset of the sheet along x at which the middle pair still fits [m].
+        """Return the play ± along x of the sheet on its middle pins [m]; negative: it has none.
 
-        Half the free play of a tilted middle hole, less its approach; negative: it does not fit.
+        Of a pair: half the free play of a tilted middle hole, less its approach.
         """
         return self.layout.fit_slack_m(self.shape(alpha))
 
@@ -121,8 +124,8 @@ def plan_summary(plan: AssemblyPlan, alpha: float) -> dict[str, tuple[float, str
     end_force (compressive P) and end_moment (on the gripper) are what the hanging sheet exerts
     with its weight; below pull_below P is a pull, unless the bed carries the sheet.
     """
-    layout, outer = plan.layout, plan.layout.holes.outer.along_m
-    reached = plan.shape(plan.range.reach_rad).at(outer)
+    layout, reached = plan.layout, plan.shape(plan.range.reach_rad)
+    first = min(layout.outer, key=lambda s: layout.guide_slack_m(reached, s))
     angles = plan.range.highest_rad * np.linspace(0.0, 1.0, LOAD_POINTS)
     loads = [(h.end_force_n, h.end_moment_nm) for h in map(plan.shape, angles.tolist())]
     force, moment = (float(np.interp(alpha, angles, column)) for column in np.transpose(loads))
@@ -134,6 +137,7 @@ def plan_summary(plan: AssemblyPlan, alpha: float) -> dict[str, tuple[float, str
         "recommended_angle": (plan.bend_rad, "rad"),
         "middle_spacing": (plan.spacing_m(alpha), "m"),
         "middle_slack": (plan.middle_slack_m(alpha), "m"),
+        "middle_place": (layout.place_m(plan.shape(alpha)), "m"),
         "outer_lift_above_tips": (plan.outer_lift_m(alpha), "m"),
         "grip_half_distance": (distance, "m"),
         "grip_height_above_middle": (height, "m"),
@@ -141,8 +145,8 @@ def plan_summary(plan: AssemblyPlan, alpha: float) -> dict[str, tuple[float, str
         "end_moment": (moment, "N m"),
         "pull_below": (plan.taut_rad, "rad"),
         "outer_reach_tips_at": (plan.range.reach_rad, "rad"),
-        "outer_offset_there": (layout.approach_m(reached, outer), "m"),
-        "tip_guides_up_to": (layout.guide_m(reached), "m"),
+        "outer_offset_there": (layout.offset_m(reached, first), "m"),
+        "tip_guides_up_to": (layout.guide_m(reached.at(abs(first))), "m"),
     }
 
 

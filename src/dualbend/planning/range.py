@@ -23,8 +23,8 @@ ANGLE_TOLERANCE_RAD: Final = 1e-10
 class AngleRange:
     """Bending angles [rad]: the range is [clear_rad, highest_rad], limit says what ends it.
 
-    reach_rad: unfolding, the rims of the outer holes come level with the tips. clear_rad: they
-    are margin_m above. fit_rad: the middle pair has no free play left; HIGHEST_RAD where nothing
+    reach_rad: unfolding, the rim of the first outer hole comes level with its tip. clear_rad: they
+    are margin_m above. fit_rad: the middle holes have no free play left; HIGHEST_RAD where nothing
     binds.
     """
 
@@ -37,10 +37,14 @@ class AngleRange:
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """The condition that leaves no range, the shape at which it fails, and the highest angle."""
+    """The condition that leaves no range, the shape at which it fails, and the highest angle.
+
+    outer_m: place of the outer hole that is guided worst.
+    """
 
     reason: Reason
     shape: HangingSheet
+    outer_m: float
     top_rad: float
     limit: Limit
 
@@ -57,24 +61,27 @@ def solve_range(layout: Layout) -> AngleRange | Failure:
     fails = partial(Failure, top_rad=top, limit=limit)
     at_top = layout.hang(top)
     if layout.lift_m(at_top) < layout.margin_m:
-        return fails(reason="too high", shape=at_top)
+        return fails(reason="too high", shape=at_top, outer_m=layout.outer[0])
     clear = _lifted(layout, layout.margin_m, top)
-    reach = _lifted(layout, 0.0, clear)
-    at_clear, at_reach = layout.hang(clear), layout.hang(reach)
+    # Each outer hole meets its tip where its own rim is as low.
+    tips = {s: _lifted(layout, 0.0, clear, s) for s in layout.outer}
+    at_tip = {s: layout.hang(alpha) for s, alpha in tips.items()}
+    worst = min(at_tip, key=lambda s: layout.guide_slack_m(at_tip[s], s))
+    at_clear = layout.hang(clear)
     checks: list[tuple[Reason, HangingSheet, float]] = [
         ("no room", at_clear, layout.fit_slack_m(at_clear)),
         ("above tips", at_clear, layout.seat_slack_m(at_clear)),
-        ("not guided", at_reach, layout.guide_slack_m(at_reach)),
+        ("not guided", at_tip[worst], layout.guide_slack_m(at_tip[worst], worst)),
     ]
     for reason, shape, slack in checks:
         if slack < 0.0:
-            return fails(reason=reason, shape=shape)
+            return fails(reason=reason, shape=shape, outer_m=worst)
     fit = highest_angle(layout, layout.fit_slack_m, clear, HIGHEST_RAD)
     seat = highest_angle(layout, layout.seat_slack_m, clear, HIGHEST_RAD)
     ends: list[tuple[float, Limit]] = [(top, limit), (fit, "middle pair"), (seat, "pin height")]
     highest, limit = min(ends, key=lambda end: end[0])
     return AngleRange(
-        reach_rad=reach,
+        reach_rad=max(tips.values()),
         clear_rad=clear,
         fit_rad=fit,
         highest_rad=highest,
@@ -106,7 +113,7 @@ def _yield_angle(layout: Layout) -> float:
     return highest_angle(layout, lambda shape: strain - shape.strain, LOWEST_RAD, HIGHEST_RAD)
 
 
-def _lifted(layout: Layout, lift_m: float, top: float) -> float:
-    """Return the lowest angle with the given lift of the outer holes, which is reached at top."""
+def _lifted(layout: Layout, lift_m: float, top: float, *along_m: float) -> float:
+    """Return the lowest angle with the given lift of outer holes, which is reached at top."""
     low = min(LOWEST_RAD, top)
-    return highest_angle(layout, lambda shape: lift_m - layout.lift_m(shape), low, top)
+    return highest_angle(layout, lambda shape: lift_m - layout.lift_m(shape, *along_m), low, top)

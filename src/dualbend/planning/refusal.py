@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -30,7 +31,8 @@ def angle_range(layout: Layout) -> AngleRange:
     found = solve_range(layout)
     if isinstance(found, Failure):
         fixes = [fix for fix, changed in _proposals(layout, found) if _accepted(changed)]
-        remedy = f"{' or '.join(fixes)} would do" if fixes else "no single change would do"
+        none = "no single change" if layout.holes.each is None else "no change but of places alone"
+        remedy = f"{' or '.join(fixes) or none} would do"
         raise InputError(f"{_missing(layout, found)}; {remedy}")
     return found
 
@@ -39,7 +41,11 @@ def _missing(layout: Layout, failure: Failure) -> str:
     """Say what is missing, in mm."""
     holes, pins, shape = layout.holes, layout.pins, failure.shape
     at, mm = f"{shape.alpha_rad:.3f} rad", 1e3
-    middle, outer = shape.at(holes.middle.along_m), shape.at(holes.outer.along_m)
+    middle, outer = (
+        ("holes.each", "holes.each")
+        if holes.each is not None
+        else tuple(f"{key}.along_m = {pair.along_m:g}" for key, pair in holes.listed)
+    )
     clears = f"where the outer holes clear their pins by {layout.margin_m * mm:.2f} mm"
     if failure.reason == "too high":
         lift, margin = layout.lift_m(shape) * mm, layout.margin_m * mm
@@ -50,21 +56,23 @@ def _missing(layout: Layout, failure: Failure) -> str:
         )
     if failure.reason == "no room":
         slack = 2.0 * layout.fit_slack_m(shape) * mm
-        nearer = 2.0 * layout.approach_m(middle, holes.middle.along_m) * mm
+        shifts = [layout.shift_m(shape.at(abs(s)), s) for s in layout.middle]
+        nearer = (max(shifts) - min(shifts)) * mm
         return (
-            f"holes.middle.along_m = {holes.middle.along_m:g}: the middle holes come {nearer:.3f} "
+            f"{middle}: the middle holes come {nearer:.3f} "
             f"mm closer at {at}, {clears}, but have {nearer + slack:.3f} mm of room: "
             f"{-slack:.3f} mm missing"
         )
     if failure.reason == "above tips":
         return (
-            f"holes.middle.along_m = {holes.middle.along_m:g}: at {at}, {clears}, the middle holes "
+            f"{middle}: at {at}, {clears}, the middle holes "
             f"are still above the tips of theirs: {-layout.seat_slack_m(shape) * mm:.2f} mm missing"
         )
-    offset, slack = layout.approach_m(outer, holes.outer.along_m), layout.guide_slack_m(shape)
+    slack = layout.guide_slack_m(shape, failure.outer_m)
+    offset = layout.offset_m(shape, failure.outer_m)
     return (
-        f"holes.outer.along_m = {holes.outer.along_m:g}: the outer holes are {offset * mm:.2f} mm "
-        f"inside of their pins where they reach the tips, at {at}, and a {pins.tip} tip guides "
+        f"{outer}: the outer holes are {offset * mm:.2f} mm "
+        f"off their pins where they reach the tips, at {at}, and a {pins.tip} tip guides "
         f"{(offset + slack) * mm:.2f} mm: {-slack * mm:.2f} mm missing"
     )
 
@@ -86,7 +94,8 @@ def _proposals(layout: Layout, failure: Failure) -> Iterator[tuple[str, Layout]]
     The bound is the nearest value that does; much beyond it another inequality may bind.
     """
     pins, reason, top = layout.pins, failure.reason, failure.top_rad
-    if reason in ("no room", "above tips"):
+    pairs = layout.holes.each is None
+    if pairs and reason in ("no room", "above tips"):
         s = _middle_along(layout, failure.shape)
         yield _proposal(layout, "holes.middle.along_m", "<=", s, LENGTH_STEP_M)
     if reason == "no room":
@@ -95,7 +104,7 @@ def _proposals(layout: Layout, failure: Failure) -> Iterator[tuple[str, Layout]]
             yield _proposal(layout, "holes.clearance_m", ">=", c, CLEARANCE_STEP_M)
     best = highest_angle(layout, layout.fit_slack_m, LOWEST_RAD, top)
     shape = layout.hang(best)
-    if reason != "not guided":
+    if pairs and reason != "not guided":
         far = _outer_along(layout, shape)
         if far is not None:
             yield _proposal(layout, "holes.outer.along_m", ">=", far, LENGTH_STEP_M)
@@ -147,21 +156,28 @@ def _outer_along(layout: Layout, shape: HangingSheet) -> float | None:
 
 
 def _clearance(layout: Layout, low: float, top: float) -> float | None:
-    """Return the clearance with which the middle pair just fits where the outer holes just clear.
+    """Return the clearance with which the middle holes just fit where the outer ones just clear.
 
-    At an angle α the pair fits with D = (d + t sin θ + 2 (s₀ − X))/cos θ; larger holes also have
-    lower rims, so α is where the outer holes of that D are a margin above their pins.
+    At an angle α a pair fits with D = (d + t sin θ + 2 (s₀ − X))/cos θ, two others with the means
+    of sin θ and cos θ and what their shifts differ by; larger holes also have lower rims, so α is
+    where the outer holes of that D are a margin above their pins.
     """
-    holes, d, t = layout.holes, layout.pins.diameter_m, layout.sheet.thickness_m
+    d, t = layout.pins.diameter_m, layout.sheet.thickness_m
     wanted = layout.pins.height_m + layout.margin_m
 
     def diameter(shape: HangingSheet) -> float:
-        pose = shape.at(holes.middle.along_m)
-        closer = 2.0 * layout.approach_m(pose, holes.middle.along_m)
-        return (d + t * math.sin(pose.slope_rad) + closer) / math.cos(pose.slope_rad)
+        poses = [shape.at(abs(s)) for s in layout.middle]
+        shifts = map(layout.shift_m, poses, layout.middle)
+        holes = [(p.slope_rad, shift) for p, shift in zip(poses, shifts, strict=True)]
+        return max(
+            (2.0 * d + t * (math.sin(a) + math.sin(b)) + 2.0 * abs(p - q))
+            / (math.cos(a) + math.cos(b))
+            for (a, p), (b, q) in itertools.combinations_with_replacement(holes, 2)
+        )
 
     def missing(shape: HangingSheet) -> float:
-        return wanted - lowest_rim(shape.at(holes.outer.along_m), diameter(shape), t)
+        rims = (lowest_rim(shape.at(abs(s)), diameter(shape), t) for s in layout.outer)
+        return wanted - min(rims)
 
     if missing(layout.hang(top)) > 0.0:
         return None

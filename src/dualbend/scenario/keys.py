@@ -96,9 +96,11 @@ def sections() -> list[Section]:
     return list(_walk({"": Scenario}, (), None))
 
 
-def section_of(struct: Struct) -> Section:
-    """Return the section that a struct would be, one that stands in a list and not by itself."""
-    return next(_walk({"": struct}, (), None))
+def listed() -> list[Section]:
+    """Return the sections that structs would be which stand in lists and not by themselves."""
+    fields = (field for section in sections() for field in fields_of(section.struct).values())
+    structs = (struct for field in fields if field.many for struct in field.kinds.values())
+    return [next(_walk({"": struct}, (), None)) for struct in structs]
 
 
 def _walk(

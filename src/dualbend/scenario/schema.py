@@ -15,9 +15,8 @@ import msgspec
 from dualbend.control.compliance.own import OwnComplianceConfig
 from dualbend.imperfection.config import PRESETS
 from dualbend.scenario.explain import UNSET
-from dualbend.scenario.keys import Section, section_of, sections
+from dualbend.scenario.keys import Section, listed, sections
 from dualbend.scenario.scenario import Scenario
-from dualbend.scenario.sheet import LISTED
 from dualbend.scenario.structs import KIND, Kinds, Struct, fields_of, has_kinds
 from dualbend.scenario.task import TaskKinds
 
@@ -51,9 +50,7 @@ def scenario_schema() -> Schema:
         ref_template=f"{_DEFINITIONS}{{name}}",
         schema_hook=_any_task,
     )
-    found = {
-        section.struct.__name__: section for section in (*sections(), *map(section_of, LISTED))
-    }
+    found = {section.struct.__name__: section for section in (*sections(), *listed())}
     definitions = {name: _definition(schema, found[name]) for name, schema in components.items()}
     top = definitions.pop("Scenario")
     # A class's name is short for a section of the kind "own".

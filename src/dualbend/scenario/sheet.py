@@ -252,10 +252,6 @@ class LayerConfig(Config):
     thickness_m: Annotated[float, said("of this layer", ge=1e-6, le=0.01)]
 
 
-LISTED: tuple[type[msgspec.Struct], ...] = (LayerConfig, MaterialConfig, ThicknessConfig)
-"""What stands in lists of a sheet."""
-
-
 class SheetConfig(Config):
     """Size, material and division of the sheet; the length is the free one between the grips.
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import mujoco
 import numpy as np
 
 from dualbend.beam.sheet import Sheet
-from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
+from dualbend.scene.bed.config import LayoutConfig, hole_places
 from dualbend.scene.bed.mjcf import RUBBED
 from dualbend.scene.contacts import GRIPPING, PINNING, RESTING
 from dualbend.scene.mjcf import BOX, DRAWN, about_z
@@ -25,7 +25,8 @@ _RING_SIDES = 32
 """Sides of the polygon around a hole's circle; eight would give 0.2 mm more towards corners."""
 
 _RING_DEPTH_M = 8e-3
-"""How far a hole's ring reaches into the sheet, so that few boxes fill the rest."""
+"""How far a hole's ring reaches into the sheet, so that few boxes fill the rest; at most up to the
+next hole."""
 
 _OVERLAP_M = 2e-5
 """Of ring and filling: no seam for a pin to stand in."""
@@ -42,14 +43,16 @@ Rectangle = tuple[float, float, float, float]
 def add_holes(spec: mujoco.MjSpec, sheet: Sheet, strips: StripConfig, layout: LayoutConfig) -> None:
     """Add the sheet's holes, and feet to lie on, and let its ends be gripped."""
     h, half_n = sheet.length_m / strips.hinges, strips.hinges // 2
-    places = hole_places(layout.holes) + np.array(layout.holes.errors_m)
+    places = hole_places(layout.holes) + layout.holes.offsets_m
     radius = (layout.pins.diameter_m + layout.holes.clearance_m) / 2
-    for name, (along, across) in zip(HOLES, places, strict=True):
+    nearest = min(math.dist(p, q) for p, q in combinations(places, 2))
+    depth = min(_RING_DEPTH_M, 0.95 * (nearest - 2.0 * radius))
+    for name, (along, across) in zip(layout.holes.names, places, strict=True):
         number = round(along / h)
         body = spec.body(strip_body(half_n + number))
         centre = np.array([along - _origin(number, h), across])
-        _add_ring(body, name, radius, sheet.thickness_m, centre)
-    half = (radius + _RING_DEPTH_M) * math.cos(math.pi / _RING_SIDES) / math.sqrt(2) - _OVERLAP_M
+        _add_ring(body, name, radius, depth, sheet.thickness_m, centre)
+    half = (radius + depth) * math.cos(math.pi / _RING_SIDES) / math.sqrt(2) - _OVERLAP_M
     squares = [(x - half, x + half, y - half, y + half) for x, y in places.tolist()]
     for end in (0, strips.hinges):
         spec.geom(f"{strip_body(end)}_plate").contype |= GRIPPING
@@ -117,10 +120,15 @@ def _add_feet(body: mujoco.MjsBody, strip: int, sheet: Sheet, centre_m: float) -
 
 
 def _add_ring(
-    body: mujoco.MjsBody, name: str, radius: float, thickness_m: float, centre_m: Vector
+    body: mujoco.MjsBody,
+    name: str,
+    radius: float,
+    depth_m: float,
+    thickness_m: float,
+    centre_m: Vector,
 ) -> None:
     """Add a hole as a ring of boxes."""
-    half_side = (radius + _RING_DEPTH_M) * math.tan(math.pi / _RING_SIDES)
+    half_side = (radius + depth_m) * math.tan(math.pi / _RING_SIDES)
     body.add_site(name=f"hole_{name}", pos=[*centre_m, 0.0], group=4, size=[radius] * 3)
     # The hole is drawn as a dark disc, hardly proud of the sheet's faces.
     body.add_geom(
@@ -134,11 +142,11 @@ def _add_ring(
     )
     for i in range(_RING_SIDES):
         turn = 2.0 * math.pi * i / _RING_SIDES
-        middle = radius + _RING_DEPTH_M / 2
+        middle = radius + depth_m / 2
         body.add_geom(
             name=f"hole_{name}_{i:02d}",
             type=BOX,
-            size=[_RING_DEPTH_M / 2, half_side, thickness_m / 2],
+            size=[depth_m / 2, half_side, thickness_m / 2],
             pos=[*(centre_m + middle * np.array([math.cos(turn), math.sin(turn)])), 0.0],
             quat=about_z(turn),
             contype=PINNING,

@@ -11,7 +11,6 @@ import numpy as np
 
 from dualbend.beam.sheet import Sheet
 from dualbend.scene.bed.config import (
-    HOLES,
     BedConfig,
     LayoutConfig,
     PinsConfig,
@@ -61,9 +60,9 @@ def add_workplace(
         )
         _show_block(spec, block, y_m)
     _add_bed_camera(spec, bed, sheet)
-    diameters = layout.pins.true_diameters_m.tolist()
-    places = hole_places(layout.holes)
-    for name, diameter_m, (along, across) in zip(HOLES, diameters, places, strict=True):
+    diameters = (layout.pins.diameter_m + layout.thicker_m).tolist()
+    names, places = layout.holes.names, hole_places(layout.holes)
+    for name, diameter_m, (along, across) in zip(names, diameters, places, strict=True):
         pin = msgspec.structs.replace(layout.pins, diameter_m=diameter_m)
         _add_pin(spec, name, pin, np.array([along, across, bed.top_m]))
         _add_contact_sensors(spec, name)

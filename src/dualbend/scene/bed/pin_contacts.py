@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from dualbend.beam.sheet import Sheet
-from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
+from dualbend.scene.bed.config import LayoutConfig, hole_places
 from dualbend.scene.bed.mjcf import laid_body
 from dualbend.scene.sheet.strips import StripConfig, strip_body
 from dualbend.types import Vector
@@ -30,7 +30,7 @@ _THICK_M = 0.5e-3
 
 
 class PinPeaks(NamedTuple):
-    """Of each pin, (4,): force on it [N], largest force of one contact [N], depths of sheet in pin.
+    """Of each pin, (n,): force on it [N], largest force of one contact [N], depths of sheet in pin.
 
     ``penetration_m``: what lasted through all physics steps; ``impact_m``: in any of them. A sheet
     that falls on a tip is as deep in it as it moves in one or two steps, before it is stopped.
@@ -43,7 +43,7 @@ class PinPeaks(NamedTuple):
 
 
 class PinContacts:
-    """The holes against their pins, in the order of :data:`dualbend.scene.bed.config.HOLES`."""
+    """The holes against their pins, in the order of the layout's names."""
 
     def __init__(
         self,
@@ -54,30 +54,31 @@ class PinContacts:
         strips: StripConfig,
     ) -> None:
         self._data = data
-        kinds = ("net", "edge", "distance")
-        at = np.array([[model.sensor(f"{k}_{hole}").adr[0] for hole in HOLES] for k in kinds])
+        holes, kinds = layout.holes.names, ("net", "edge", "distance")
+        self._count = len(holes)
+        at = np.array([[model.sensor(f"{k}_{hole}").adr[0] for hole in holes] for k in kinds])
         # Python in every physics step: most often nothing touches a pin, which one look tells.
         self._told = data.sensordata[at.min() : at.max() + 1]
         at -= at.min()
         self._read, self._distance = np.add.outer(at[:2].ravel(), np.arange(3)), at[2]
-        self._sites = np.array([model.site(f"hole_{hole}").id for hole in HOLES])
+        self._sites = np.array([model.site(f"hole_{hole}").id for hole in holes])
         self._site_heights = data.site_xpos[:, 2]
-        self._pins = np.column_stack((hole_places(layout.holes), [layout.bed.top_m] * len(HOLES)))
+        self._pins = np.column_stack((hole_places(layout.holes), [layout.bed.top_m] * self._count))
         self._half_thickness_m = sheet.thickness_m / 2
         self._finer = max(1.0, _THICK_M / sheet.thickness_m)
         # The holes' height with their lower face on a tip, and from where on down tips are struck.
         self._tips_m = layout.bed.top_m + layout.pins.height_m + self._half_thickness_m
         # A thicker pin's round tip begins lower.
-        self._struck_m = -layout.pins.tip_m - 0.5 * max(layout.pins.thicker_m)
-        self._height, self._near, self._tilts_m = [0.0] * len(HOLES), False, _NEAR_M
+        self._struck_m = -layout.pins.tip_m - 0.5 * float(layout.thicker_m.max())
+        self._height, self._near, self._tilts_m = [0.0] * self._count, False, _NEAR_M
         self._strips = [model.body(strip_body(i)).id for i in range(strips.hinges + 1)]
         self._model = model
-        self._jams = [thicker > layout.holes.clearance_m for thicker in layout.pins.thicker_m]
+        self._jams: list[bool] = (layout.thicker_m > layout.holes.clearance_m).tolist()
         self._forget()
 
     def _forget(self) -> None:
-        self._squared = np.zeros(2 * len(HOLES))
-        self._least, self._deepest = np.full(len(HOLES), np.inf), np.zeros(len(HOLES))
+        self._squared = np.zeros(2 * self._count)
+        self._least, self._deepest = np.full(self._count, np.inf), np.zeros(self._count)
 
     def _heights(self) -> list[float]:
         """Return the height of each hole's centre [m]."""
@@ -119,7 +120,7 @@ class PinContacts:
 
     def peaks(self) -> PinPeaks:
         """Return the peaks, and start again; once per command cycle."""
-        force, edge = np.sqrt(self._squared).reshape(2, len(HOLES))
+        force, edge = np.sqrt(self._squared).reshape(2, self._count)
         lasting = np.where(np.isinf(self._least), 0.0, self._least)
         self._height = self._heights()
         above = np.array(self._height) - self._tips_m
@@ -133,7 +134,7 @@ class PinContacts:
         return found
 
     def offsets(self) -> Vector:
-        """Return (4, 3): each hole's centre from its pin's axis, x and y [m], and its height [m].
+        """Return (n, 3): each hole's centre from its pin's axis, x and y [m], and its height [m].
 
         The height is that of the sheet's lower face above the bed.
         """

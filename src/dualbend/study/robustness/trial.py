@@ -19,7 +19,6 @@ from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord, task_of
 from dualbend.run.trace import Trace
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.bed.config import HOLES
 from dualbend.study.ending import Ended, outcome_of, result_of
 from dualbend.task.assembly.config import ErrorsConfig, assembly_of
 from dualbend.task.assembly.draws import draw, misalignment, without_compliance
@@ -177,7 +176,8 @@ def cause_of(reason: str) -> str:
 
 def refuse_strangers(scenario: Scenario, seed: int, trials: Sequence[Trial]) -> None:
     """Raise InputError where a trial is of another draw than its index, or says what none does."""
-    sheets, phases = assembly_of(scenario).sheets, task_of(scenario).phases
+    config, phases = assembly_of(scenario), task_of(scenario).phases
+    most = len(config.layout.holes.names) * config.sheets
     for one in trials:
         at = f"draw {one.index}, {'with' if one.compliance else 'without'} compliance"
         if one.compliance not in cases(scenario):
@@ -192,10 +192,8 @@ def refuse_strangers(scenario: Scenario, seed: int, trials: Sequence[Trial]) -> 
                 raise InputError(f"{at}: {name} = {said}: seed {seed} draws {value}")
         if one.success and one.outcome != "completed":
             raise InputError(f"{at}: success, and outcome {one.outcome!r}")
-        if one.holes_seated > len(HOLES) * sheets:
-            raise InputError(
-                f"{at}: holes_seated = {one.holes_seated}: it has {len(HOLES) * sheets}"
-            )
+        if one.holes_seated > most:
+            raise InputError(f"{at}: holes_seated = {one.holes_seated}: it has {most}")
         if one.phase not in ("", BEFORE, *phases):
             raise InputError(f"{at}: phase = {one.phase!r}: the phases are {', '.join(phases)}")
 

@@ -11,6 +11,7 @@ import msgspec
 from dualbend.beam.sheet import Sheet
 from dualbend.control.compliance.object import ObjectComplianceConfig
 from dualbend.errors import InputError
+from dualbend.planning.geometry import circles
 from dualbend.scenario.motion import MotionConfig
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import SheetConfig
@@ -53,10 +54,12 @@ class SearchConfig(Config):
 
         The middle is on its pins already: to both sides, in equal steps up to the turn that its
         clearance leaves. A larger one would only press the middle holes on their pins. The steps
-        are as large as the play of the outer holes: none lies between two of them.
+        are as large as the play of the outer holes: none lies between two of them. A single middle
+        hole leaves any turn: then by ``turn_rad``.
         """
-        room = 0.5 * holes.clearance_m / holes.middle.along_m
-        steps = math.ceil(holes.outer.along_m / holes.middle.along_m) if holes.middle.along_m else 1
+        near, far = (around.radius_m for around in circles(holes))
+        room = 0.5 * holes.clearance_m / near if near else self.turn_rad
+        steps = math.ceil(far / near) if near else 1
         sides = [side * n / steps for n in range(1, steps + 1) for side in (1, -1)]
         return [0.0, *(room * side for side in sides[: self.attempts])]
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from dualbend.scene.bed.config import HOLES
 from dualbend.scene.bed.pin_contacts import PinPeaks
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly.config import LimitsConfig
@@ -20,9 +20,13 @@ class Resolution(NamedTuple):
 
 
 def stop_at_damage(
-    phase: str, peaks: PinPeaks, limits: LimitsConfig, resolution: Resolution
+    phase: str,
+    pins: Sequence[str],
+    peaks: PinPeaks,
+    limits: LimitsConfig,
+    resolution: Resolution,
 ) -> None:
-    """Raise SimulationFailed where a force or a depth is beyond its limit."""
+    """Raise SimulationFailed where a force or a depth at one of the pins is beyond its limit."""
     for force, limit, what in (
         (peaks.force_n, limits.pin_force_n, "pin"),
         (peaks.edge_force_n, limits.edge_force_n, "hole edge"),
@@ -30,7 +34,7 @@ def stop_at_damage(
         worst = int(np.argmax(force))
         if force[worst] > limit:
             raise SimulationFailed(
-                f"{phase}: the force on the {HOLES[worst]} {what} is {force[worst]:.1f} N, "
+                f"{phase}: the force on the {pins[worst]} {what} is {force[worst]:.1f} N, "
                 f"above {limit:g} N"
             )
     for depth, limit, what in (
@@ -42,6 +46,6 @@ def stop_at_damage(
         if depth[worst] > limit:
             raise SimulationFailed(
                 f"{phase}: the sheet {what} {1e6 * depth[worst]:.0f} µm deep into the "
-                f"{HOLES[worst]} pin, above {1e6 * limit:.0f} µm, which no metal does; "
+                f"{pins[worst]} pin, above {1e6 * limit:.0f} µm, which no metal does; "
                 f"a smaller physics.step_s than {resolution.step_s:g} resolves it"
             )

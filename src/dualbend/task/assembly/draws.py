@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.bed.config import HOLES, hole_places
+from dualbend.scene.bed.config import hole_places
 from dualbend.task.assembly.config import assembly_of
 
 
@@ -29,7 +29,7 @@ def draw(scenario: Scenario, seed: int, index: int) -> Scenario:
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
     # All of them, always: a width that is changed leaves the other draws as they are.
     x, y, yaw, thickness, modulus, friction = rng.standard_normal(6).tolist()
-    off = spread.hole_m * rng.standard_normal((len(HOLES), 2)) + np.array(holes.errors_m)
+    off = spread.hole_m * rng.standard_normal((len(holes.names), 2)) + holes.offsets_m
     drawn = msgspec.structs.replace(
         errors,
         pickup_x_m=errors.pickup_x_m + spread.pickup_x_m * x,
@@ -71,7 +71,7 @@ def misalignment(scenario: Scenario) -> float:
     config = assembly_of(scenario)
     errors, pins = config.errors, hole_places(config.layout.holes)
     c, s = math.cos(errors.pickup_yaw_rad), math.sin(errors.pickup_yaw_rad)
-    holes = (pins + np.array(config.layout.holes.errors_m)) @ np.array([[c, s], [-s, c]])
+    holes = (pins + config.layout.holes.offsets_m) @ np.array([[c, s], [-s, c]])
     off = holes + np.array([errors.pickup_x_m, errors.pickup_y_m]) - pins
     return float(np.linalg.norm(off, axis=1).max())
 

@@ -15,7 +15,6 @@ from dualbend.evaluation.metrics import (
 )
 from dualbend.planning.plan import plan_assembly
 from dualbend.run.record import Metric, RunRecord
-from dualbend.scene.bed.config import HOLES
 from dualbend.task.assembly.config import assembly_of
 from dualbend.task.assembly.program.motions import CHECK
 from dualbend.types import SIDES, Vector
@@ -27,19 +26,24 @@ RESTING_WITHIN_M = 0.5e-3
 """A seated hole is at most this above what its sheet rests on."""
 
 
+def holes_of(result: RunRecord) -> tuple[str, ...]:
+    """Return the names of the holes and pins of a run."""
+    return assembly_of(result.scenario).layout.holes.names
+
+
 def final_holes(result: RunRecord) -> Vector:
-    """Return (sheets, 4, 3): each hole from its pin's axis, x, y, and above its rest, z [m].
+    """Return (sheets, n, 3): each hole from its pin's axis, x, y, and above its rest, z [m].
 
     Of a sheet that was not let go, where it was at the end of the run; of one that was never
     picked up, nothing, nor of a run that ended in its first cycle.
     """
     laid = list(result.laid)
-    assembly = assembly_of(result.scenario)
+    assembly, names = assembly_of(result.scenario), holes_of(result)
     if len(laid) < assembly.sheets and result.trace.rows:
-        columns = [[result.trace[f"hole_{hole}_{axis}"][-1] for axis in "xyz"] for hole in HOLES]
+        columns = [[result.trace[f"hole_{hole}_{axis}"][-1] for axis in "xyz"] for hole in names]
         if np.isfinite(columns).all():
             laid.append(np.array(columns))
-    holes = np.array(laid).reshape(len(laid), len(HOLES), 3)
+    holes = np.array(laid).reshape(len(laid), len(names), 3)
     # Each sheet rests on those before it.
     thickness = result.scenario.true_sheet.thickness_m
     holes[:, :, 2] -= thickness * np.arange(len(laid))[:, np.newaxis]
@@ -47,7 +51,7 @@ def final_holes(result: RunRecord) -> Vector:
 
 
 def seated(result: RunRecord) -> NDArray[np.bool_]:
-    """Return which holes are seated (sheets, 4): around their pins, and resting, and let go."""
+    """Return which holes are seated (sheets, n): around their pins, and resting, and let go."""
     in_place = _in_place(result)
     return in_place & (np.arange(len(in_place))[:, np.newaxis] < len(result.laid))
 
@@ -62,20 +66,20 @@ def not_seated(result: RunRecord, sheet: int) -> str:
     which = int(np.argmin(there))
     x, y, z = np.round(1e3 * final_holes(result)[sheet, which], 2) + 0.0  # no minus before a zero
     return (
-        f"the {HOLES[which]} hole is {np.hypot(x, y):.2f} mm off its pin's axis and {z:.2f} mm "
-        "above its rest"
+        f"the {holes_of(result)[which]} hole is {np.hypot(x, y):.2f} mm off its pin's axis and "
+        f"{z:.2f} mm above its rest"
     )
 
 
 def _in_place(result: RunRecord) -> NDArray[np.bool_]:
-    """Return which holes are around their pins and resting, let go or not (sheets, 4).
+    """Return which holes are around their pins and resting, let go or not (sheets, n).
 
     None is around a pin that is missing. A pin that is thicker than drawn leaves less clearance.
     """
     holes, layout = final_holes(result), assembly_of(result.scenario).layout
-    clearance = layout.holes.clearance_m - np.array(layout.pins.thicker_m)
+    clearance = layout.holes.clearance_m - layout.thicker_m
     allowed = 0.5 * clearance + OFFSET_BEYOND_CLEARANCE_M
-    around = layout.pins.stand & (np.hypot(holes[:, :, 0], holes[:, :, 1]) <= allowed)
+    around = layout.standing & (np.hypot(holes[:, :, 0], holes[:, :, 1]) <= allowed)
     return np.asarray(around & (np.abs(holes[:, :, 2]) <= RESTING_WITHIN_M))
 
 
@@ -92,14 +96,14 @@ def wrong_checks(result: RunRecord) -> int:
 
 def peaks(result: RunRecord) -> dict[str, Vector]:
     """Return the signal (rows,) of which each metric is the largest value, over all phases."""
-    trace = result.trace
+    trace, holes = result.trace, holes_of(result)
     forces = [[trace[f"{side}_true_force_{axis}"] for axis in "xyz"] for side in SIDES]
     return {
         "peak_moment": np.max([np.abs(trace[f"{side}_true_moment_y"]) for side in SIDES], axis=0),
         "peak_force": np.max([np.linalg.norm(force, axis=0) for force in forces], axis=0),
-        "peak_pin_force": np.max([trace[f"pin_force_{hole}"] for hole in HOLES], axis=0),
-        "peak_edge_force": np.max([trace[f"edge_force_{hole}"] for hole in HOLES], axis=0),
-        "peak_penetration": np.max([trace[f"penetration_{hole}"] for hole in HOLES], axis=0),
+        "peak_pin_force": np.max([trace[f"pin_force_{hole}"] for hole in holes], axis=0),
+        "peak_edge_force": np.max([trace[f"edge_force_{hole}"] for hole in holes], axis=0),
+        "peak_penetration": np.max([trace[f"penetration_{hole}"] for hole in holes], axis=0),
         "peak_impact_depth": trace["impact_depth"],
         "peak_surface_strain": surface_strain(result),
         "ik_residual_max": np.abs(trace["ik_position"]),
@@ -175,7 +179,7 @@ def hole_table(result: RunRecord) -> list[dict[str, Any]]:
             "seated": bool(verdict[sheet, i]),
         }
         for sheet, holes in enumerate(final_holes(result))
-        for i, (hole, (x, y, z)) in enumerate(zip(HOLES, holes, strict=True))
+        for i, (hole, (x, y, z)) in enumerate(zip(holes_of(result), holes, strict=True))
     ]
 
 
@@ -188,24 +192,27 @@ def pin_table(result: RunRecord) -> list[dict[str, Any]]:
             "peak_force_n": peak(trace[f"pin_force_{hole}"]),
             "peak_edge_force_n": peak(trace[f"edge_force_{hole}"]),
         }
-        for hole in HOLES
+        for hole in holes_of(result)
     ]
 
 
 def middle_spacing(result: RunRecord) -> float | None:
-    """Return the distance along the chord of the two middle holes of the bent sheet [m].
+    """Return the distance along the chord of the outermost middle holes of the bent sheet [m].
 
-    At the end of the first bending, before anything is touched; None where that was not reached.
+    At the end of the first bending, before anything is touched; None where that was not reached, or
+    there is but one.
     """
     trace = result.trace
     bent = np.flatnonzero(trace["phase"] == result.phases.index("bend"))
-    if not bent.size:
+    holes = assembly_of(result.scenario).layout.holes
+    places, names = holes.places_of("middle"), holes.names_of("middle")
+    ends = np.argmin(places[:, 0]), np.argmax(places[:, 0])
+    if not bent.size or ends[0] == ends[1]:
         return None
-    pair = assembly_of(result.scenario).layout.holes.middle
-    nominal = [2.0 * pair.along_m, 2.0 * pair.across_m]
+    nominal = (places[ends[1]] - places[ends[0]]).tolist()
     between = list(nominal)
     for i, axis in enumerate("xy"):
-        left, right = (trace[f"hole_middle_{side}_{axis}"][bent[-1]] for side in SIDES)
+        left, right = (trace[f"hole_{names[end]}_{axis}"][bent[-1]] for end in ends)
         between[i] += right - left
     return float(np.sqrt(between[0] ** 2 + between[1] ** 2 - nominal[1] ** 2))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import cycle
 
 import mujoco
 import numpy as np
@@ -16,10 +17,11 @@ from dualbend.recording.layers import TITLES, Layers, Views, gripper_view, view
 from dualbend.recording.log import Colour, RecordingLog
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import Trace
-from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
+from dualbend.scene.bed.config import LayoutConfig, hole_places
 from dualbend.scene.bed.mjcf import laid_body
 from dualbend.scene.sheet.strips import strip_body
 from dualbend.task.assembly.config import assembly_of
+from dualbend.task.assembly.metrics import holes_of
 from dualbend.task.assembly.program.motions import PHASES
 from dualbend.task.assembly.program.state import mean_cycles
 from dualbend.types import Vector
@@ -58,8 +60,6 @@ _LAID_COLOUR, _DISC_COLOUR, _RIM_COLOUR = [150, 165, 185], [20, 20, 24], [255, 2
 _DISC_M, _RIM_M = 8e-4, 1.5e-4
 """Thickness of a hole's disc and radius of the line round it: seen on both faces of the sheet."""
 
-_MIDDLE, _OUTER = HOLES.index("middle_left"), HOLES.index("outer_left")
-
 _TITLES = {
     "hole_offset": "Holes off their pins, horizontally [mm]",
     "pin_force": "Force on the pins [N]",
@@ -90,9 +90,9 @@ class AssemblyLayers(Layers):
 
     guide = (
         "Drag the white line in a plot or press play: every panel shows the same moment of the "
-        "run. Left: the cell, the bed with its four pins, each pin and one gripper close up "
+        "run. Left: the cell, the bed with its pins, each pin and one gripper close up "
         "(tabs); below them, what the robots were doing. Right: how far each hole is from its "
-        "pin, what the pins and the bending do. A sheet is laid when all four holes are within "
+        "pin, what the pins and the bending do. A sheet is laid when all holes are within "
         "half their clearance and down on the bed."
     )
     predicted = (
@@ -125,10 +125,10 @@ class AssemblyLayers(Layers):
 
     def log_series(self, log: RecordingLog, result: RunRecord) -> None:
         """Log what tells how the sheet goes over the pins."""
-        trace = result.trace
+        trace, holes = result.trace, holes_of(result)
 
         def by_hole(entity: str, unit: str, of: Callable[[str], Vector]) -> None:
-            named = zip(HOLES, _HOLE_COLOURS, strict=True)
+            named = zip(holes, cycle(_HOLE_COLOURS), strict=False)
             lines = ((f"{_words(h)} [{unit}]", of(h), colour, 1.5) for h, colour in named)
             log.lines(entity, *lines)
 
@@ -146,7 +146,7 @@ class AssemblyLayers(Layers):
             ("y [mm]", 1e3 * trace["object_deviation_y"], _GREEN, 1.5),
             ("yaw [deg]", np.degrees(trace["object_deviation_yaw"]), _HOLE_COLOURS[2], 1.5),
         )
-        off = {h: np.hypot(trace[f"hole_{h}_x"], trace[f"hole_{h}_y"]) for h in HOLES}
+        off = {h: np.hypot(trace[f"hole_{h}_x"], trace[f"hole_{h}_y"]) for h in holes}
         by_hole("hole_offset", "mm", lambda hole: 1e3 * off[hole])
         by_hole("hole_height", "mm", lambda hole: 1e3 * trace[f"hole_{hole}_z"])
 
@@ -180,13 +180,13 @@ class AssemblyLayers(Layers):
         triangles: NDArray[np.intp],
     ) -> None:
         """Log bed, stand and pins, the holes, and the sheets that are laid."""
-        model = result.model
+        model, holes = result.model, holes_of(result)
         log.once("cell/workplace", *shapes_of(model, 0))
-        for hole in HOLES:
+        for hole in holes:
             body = model.body(f"pin_{hole}")
             pose = rr.Transform3D(translation=body.pos, quaternion=body.quat[[1, 2, 3, 0]])
             log.once(f"cell/pin/{hole}", *shapes_of(model, body.id), pose)
-        log_holes(log, result, *sites(model, motion, [f"hole_{hole}" for hole in HOLES]))
+        log_holes(log, result, *sites(model, motion, [f"hole_{hole}" for hole in holes]))
         log_laid(log, result, ribbon, triangles)
 
     def places(self, result: RunRecord) -> tuple[Vector, Vector]:
@@ -235,21 +235,22 @@ class AssemblyLayers(Layers):
 
     def close_up(self, result: RunRecord, row: int) -> tuple[mujoco.MjvCamera, str] | None:
         """Return the view of the pin that a hole is just going over."""
-        pin = _MIDDLE if result.trace["phase"][row] <= PHASES.index("unfold") else _OUTER
         camera, layout = mujoco.MjvCamera(), assembly_of(result.scenario).layout
+        first = result.trace["phase"][row] <= PHASES.index("unfold")
+        pin = layout.holes.groups.index("middle" if first else "outer")
         height = layout.pins.height_m
         camera.lookat[:] = [*hole_places(layout.holes)[pin], layout.bed.top_m + 0.5 * height]
         # From the front and above, a few heights away.
         camera.distance, camera.azimuth, camera.elevation = 7.0 * height, 75.0, -38.0
-        return camera, f"{_words(HOLES[pin])} pin"
+        return camera, f"{_words(layout.holes.names[pin])} pin"
 
 
 LAYERS = AssemblyLayers()
 
 
 def log_holes(log: RecordingLog, result: RunRecord, place: Vector, quaternion: Vector) -> None:
-    """Log the holes as dark discs with a rim, at (rows, 4, 3) and (rows, 4, 4; w last)."""
-    for i, hole in enumerate(HOLES):
+    """Log the holes as dark discs with a rim, at (rows, n, 3) and (rows, n, 4; w last)."""
+    for i, hole in enumerate(holes_of(result)):
         radius = result.model.site(f"hole_{hole}").size[0]
         turn = np.linspace(0.0, 2.0 * np.pi, 33)
         rim = radius * np.stack((np.cos(turn), np.sin(turn), 0.0 * turn), axis=1)
@@ -332,7 +333,7 @@ def _close_ups(workplace: LayoutConfig) -> list[rrb.Spatial3DView]:
     views = [
         view("Bed", [0.0, -2.6 * half, top + 2.2 * half], [0.0, 0.2 * half, top], _UNCLUTTERED)
     ]
-    for hole, (x, y) in zip(HOLES, hole_places(workplace.holes), strict=True):
+    for hole, (x, y) in zip(workplace.holes.names, hole_places(workplace.holes), strict=True):
         name, at = f"Pin {_words(hole)}", [x, y, top + 0.004]
         views.append(view(name, [x + 0.010, y - 0.032, top + 0.024], at, _UNCLUTTERED))
     return views

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import cycle
+
 import numpy as np
 
 from dualbend.report.over_time import OverTime
@@ -11,14 +13,11 @@ from dualbend.report.sections.bent_sheet import moment_section, path_section, sh
 from dualbend.report.sections.tables import metrics_section
 from dualbend.report.sections.time import phase_section, wrench_section
 from dualbend.run.record import RunRecord
-from dualbend.scene.bed.config import HOLES
 from dualbend.table import Columns, Table, quantity
 from dualbend.task.assembly.config import assembly_of
+from dualbend.task.assembly.metrics import holes_of
 
 _TURN = np.linspace(0.0, 2.0 * np.pi, 73)
-_HOLES: list[tuple[str, str, Colour]] = [
-    (hole, hole.replace("_", " "), colour) for hole, colour in zip(HOLES, COLOURS, strict=False)
-]
 _OBJECT_COLOURS: tuple[Colour, ...] = ("blue", "orange", "purple")
 
 _SMALLEST_MM = 1e-4
@@ -47,7 +46,7 @@ def holes_section(over_time: OverTime) -> Section:
     run, layout = over_time.run, assembly_of(over_time.run.scenario).layout
     allowed = 0.5e3 * layout.holes.clearance_m
     away, high = [], []
-    for hole, name, colour in _HOLES:
+    for hole, name, colour in _holes(run):
         x, y, z = (1e3 * run[f"hole_{hole}_{axis}"] for axis in "xyz")
         distance = np.maximum(np.hypot(x, y), _SMALLEST_MM)
         away.append(Curve(name=name, x=run["time"], y=distance, colour=colour))
@@ -72,6 +71,11 @@ def holes_section(over_time: OverTime) -> Section:
     return Section("Holes over pins", [Panels(figures), *_final(run, allowed)])
 
 
+def _holes(run: RunRecord) -> list[tuple[str, str, Colour]]:
+    """Return each hole's name, that in words, and its colour."""
+    return [(h, _name(h), c) for h, c in zip(holes_of(run), cycle(COLOURS), strict=False)]
+
+
 def _last(curves: list[Curve]) -> str:
     return ", ".join(f"{curve.name} {curve.y[-1]:.3g}" for curve in curves)
 
@@ -83,7 +87,7 @@ def _final(run: RunRecord, allowed_mm: float) -> list[Block]:
         return ["The run left no final places of its holes."]
     x, y = 1e3 * allowed_mm * np.cos(_TURN), 1e3 * allowed_mm * np.sin(_TURN)
     curves = [Curve(name="half the clearance", x=x, y=y, colour="grey")]
-    for hole, name, colour in _HOLES:
+    for hole, name, colour in _holes(run):
         of = [row for row in holes if row.get("hole") == hole]
         x, y = 1e6 * np.array(
             [[_float(row.get(f"offset_{axis}_m")) for row in of] for axis in "xy"]
@@ -162,7 +166,7 @@ def pins_section(over_time: OverTime) -> Section:
             Axis(f"{kind} force", "N"),
             [
                 over_time.curve(f"{kind}_force_{hole}", name, colour)
-                for hole, name, colour in _HOLES
+                for hole, name, colour in _holes(over_time.run)
             ],
             f"Force on {words}, the largest of every physics step since the row before.",
         )

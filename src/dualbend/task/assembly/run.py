@@ -24,7 +24,6 @@ from dualbend.run.loop import Asking, Run
 from dualbend.run.outcome import TaskStopped
 from dualbend.run.record import TableRow
 from dualbend.scenario.scenario import Scenario
-from dualbend.scene.bed.config import HOLES
 from dualbend.scene.bed.pin_contacts import PinContacts
 from dualbend.scene.grippers import Grippers
 from dualbend.scene.ik import Targets, carried_targets
@@ -47,25 +46,24 @@ BENDS = np.linspace(0.0, 1.0, 6)
 
 _PLACE = (("x", "m"), ("y", "m"), ("z", "m"), ("yaw", "rad"))
 
-TASK_COLUMNS: tuple[tuple[str, str], ...] = (
-    ("sheet", "1"),
-    ("attempt", "1"),
-    *((f"place_{name}", unit) for name, unit in _PLACE),
-    *((f"object_deviation_{name}", unit) for name, unit in _PLACE if name != "z"),
-    *((f"net_force_{name}", "N") for name in "xyz"),
-    ("net_moment_z", "N m"),
-    *((f"{side}_gap", "m") for side in SIDES),
-    *((f"pin_force_{hole}", "N") for hole in HOLES),
-    *((f"edge_force_{hole}", "N") for hole in HOLES),
-    *((f"penetration_{hole}", "m") for hole in HOLES),
-    ("impact_depth", "m"),
-    *((f"hole_{hole}_{axis}", "m") for hole in HOLES for axis in "xyz"),
-)
 
-
-def columns(_: Scenario) -> tuple[tuple[str, str], ...]:
+def columns(scenario: Scenario) -> tuple[tuple[str, str], ...]:
     """Return the columns that only an assembly has."""
-    return TASK_COLUMNS
+    holes = assembly_of(scenario).layout.holes.names
+    return (
+        ("sheet", "1"),
+        ("attempt", "1"),
+        *((f"place_{name}", unit) for name, unit in _PLACE),
+        *((f"object_deviation_{name}", unit) for name, unit in _PLACE if name != "z"),
+        *((f"net_force_{name}", "N") for name in "xyz"),
+        ("net_moment_z", "N m"),
+        *((f"{side}_gap", "m") for side in SIDES),
+        *((f"pin_force_{hole}", "N") for hole in holes),
+        *((f"edge_force_{hole}", "N") for hole in holes),
+        *((f"penetration_{hole}", "m") for hole in holes),
+        ("impact_depth", "m"),
+        *((f"hole_{hole}_{axis}", "m") for hole in holes for axis in "xyz"),
+    )
 
 
 def cycles(scenario: Scenario) -> int:
@@ -267,7 +265,8 @@ class AssemblyRun(Run):
         )
         if believed != self.scenario:
             cell = RobotCell(believed, cell.start, cell.place)
-        pinned = self.config.layout.holes.middle.along_m
+        along = self.config.layout.holes.places_of("middle")[:, 0]
+        pinned = float(along.min()), float(along.max())
         found = []
         for bend in BENDS:
             posture = replace(self._down, alpha=bend * self._down.alpha)
@@ -370,7 +369,8 @@ class AssemblyRun(Run):
                 f"{PHASES[goal.phase]}: the sheet's surface strain is {strain:.2e}, above yield, "
                 f"{self._limit_strain:.2e}"
             )
-        stop_at_damage(PHASES[goal.phase], peaks, self.config.limits, self._resolution)
+        names, limits = self.config.layout.holes.names, self.config.limits
+        stop_at_damage(PHASES[goal.phase], names, peaks, limits, self._resolution)
 
 
 def _place(posture: Posture) -> Vector:

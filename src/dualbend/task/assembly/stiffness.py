@@ -25,12 +25,14 @@ from dualbend.task.assembly.program.middle import Yields
 from dualbend.types import SIDES, Vector
 
 
-def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: float) -> Vector:
+def object_stiffness(
+    cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: tuple[float, float]
+) -> Vector:
     """Return the stiffness (3, 3) that both grips moving together feel: x, y [N/m], yaw [N m/rad].
 
-    The sheet is pinned at ± ``pinned_m`` from its middle. Beyond that, each half yields by its
-    hinges, its grasp's rubber and its arm's joints, ``C = Σ J k⁻¹ Jᵀ``, at the joint angles ``q``
-    (n,) and in the zero-moment shape; the end force's part in the sheet's stiffness is left out.
+    The sheet is pinned between both of ``pinned_m``, from its middle. Beyond that, each half yields
+    by its hinges, its grasp's rubber and its arm's joints, ``C = Σ J k⁻¹ Jᵀ``, at the joint angles
+    ``q`` (n,) and in the zero-moment shape; what the end force adds to the sheet's is left out.
     With A_i the motion of grip i per motion of the middle, ``K = Σ A_iᵀ C_i⁻¹ A_i`` (6, 6). Pins
     hold the middle along x and y and against yaw; it may rise and tilt, so K is condensed to those.
     """
@@ -47,13 +49,14 @@ def object_stiffness(cell: RobotCell, q: Vector, alpha_rad: float, pinned_m: flo
     rubber = np.repeat(
         [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad], 3
     )
-    for side, end, sign in zip(SIDES, (LEFT_END, RIGHT_END), (-1.0, 1.0), strict=True):
+    ends = zip(SIDES, (LEFT_END, RIGHT_END), (-1.0, 1.0), pinned_m, strict=True)
+    for side, end, sign, pinned in ends:
         pad = model.site(f"{side}_{PAD_SITE}").id
         turn = np.kron(np.eye(2), data.site_xmat[pad].reshape(3, 3))
         mine = cell.arms.joints(side)
         dofs = np.array([model.joint(name).dofadr[0] for name in simulation.joints[mine]])
         by_arm = site_jacobian(model, data, pad)[:, dofs]
-        hinges = _hinges(model, sign, pinned_m, cell)
+        hinges = _hinges(model, sign, pinned, cell)
         by_sheet = site_jacobian(model, data, model.site(end).id)[:, model.jnt_dofadr[hinges]]
         compliance = (
             endpoint_compliance(by_arm, cell.servo.stiffness[mine])
@@ -107,7 +110,7 @@ def _hinges(model: mujoco.MjModel, sign: float, pinned_m: float, cell: RobotCell
     names = [model.joint(i).name for i in range(model.njnt)]
     found = []
     for i in range(hinges):
-        if sign * ((i + 0.5) * length / hinges - 0.5 * length) > pinned_m:
+        if sign * ((i + 0.5) * length / hinges - 0.5 * length - pinned_m) > 0.0:
             wanted = (bend_joint(i), twist_joint(i))
             found += [names.index(name) for name in wanted if name in names]
     return found

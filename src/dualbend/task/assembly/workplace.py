@@ -9,7 +9,7 @@ import numpy as np
 
 from dualbend.beam.sheet import Sheet
 from dualbend.errors import InputError
-from dualbend.scene.bed.config import HOLES, LayoutConfig, hole_places
+from dualbend.scene.bed.config import LayoutConfig, hole_places
 from dualbend.task.assembly.config import AssemblyConfig
 
 JAW_ROOM_M: Final = 0.015
@@ -36,16 +36,16 @@ def _problems(config: AssemblyConfig, sheet: Sheet) -> Iterator[str]:
                 f"sheet's ends would touch it; at most {longest:g}"
             )
     radius = 0.5 * pins.diameter_m
-    for name, pair in (("middle", layout.holes.middle), ("outer", layout.holes.outer)):
+    for name, hole in layout.holes.listed:
         for key, side in (("along_m", "half_length_m"), ("across_m", "half_width_m")):
             half = getattr(bed, side)
-            if abs(getattr(pair, key)) + radius > half:
+            if abs(getattr(hole, key)) + radius > half:
                 yield (
-                    f"layout.holes.{name}.{key} = {getattr(pair, key):g}: its pins would not stand "
+                    f"layout.{name}.{key} = {getattr(hole, key):g}: its pins would not stand "
                     f"on the bed; at most {half - radius:g}, or a larger layout.bed.{side}"
                 )
     thicker = max(0.0, 2.0 * pins.height_m - pins.diameter_m)
-    if pins.tip == "round" and max(pins.thicker_m) > thicker:
+    if pins.tip == "round" and layout.thicker_m.max() > thicker:
         yield (
             f"layout.pins.thicker_m = {pins.thicker_m}: a round tip would be longer than its pin; "
             f"at most {thicker:g}"
@@ -76,14 +76,14 @@ def _holes_beside_the_sheet(layout: LayoutConfig, sheet: Sheet) -> Iterator[str]
     holes, radius = layout.holes, 0.5 * (layout.pins.diameter_m + layout.holes.clearance_m)
     most = np.array([0.5 * sheet.length_m, 0.5 * sheet.width_m]) - radius
     keys = "along_m", "across_m"
-    for name, pair in (("middle", holes.middle), ("outer", holes.outer)):
+    for name, hole in holes.listed:
         for key, limit in zip(keys, most.tolist(), strict=True):
-            if abs(value := getattr(pair, key)) > limit:
+            if abs(value := getattr(hole, key)) > limit:
                 yield (
-                    f"layout.holes.{name}.{key} = {value:g}: its holes would not be in the sheet; "
+                    f"layout.{name}.{key} = {value:g}: its holes would not be in the sheet; "
                     f"at most {limit:g}"
                 )
-    for name, place, error in zip(HOLES, hole_places(holes), holes.errors_m, strict=True):
+    for name, place, error in zip(holes.names, hole_places(holes), holes.offsets_m, strict=True):
         if (abs(place + error) > most).any():
             yield (
                 f"layout.holes.errors_m = {holes.errors_m}: the {name} hole would not be in the "

@@ -8,6 +8,7 @@ import numpy as np
 
 from dualbend.task.assembly.program.state import State
 from dualbend.task.assembly.program.steps import Step
+from dualbend.types import Vector
 
 PRESS_RATE_PER_S = 2.0
 """Rate at which the press on a sheet that is held up is corrected; the loop bears four times it."""
@@ -23,11 +24,10 @@ _SLACK_RATE_PER_S = 5.0
 class Correction(Step):
     """Raise or lower arms little by little, for ``timeout_s`` and by ``most`` [m] at most.
 
-    ``force`` [N] that is wanted, or let be; ``softness`` [m/N] of what is pressed on.
+    ``force`` [N] that is wanted, or let be.
     """
 
     force: float
-    softness: float
     most: float
     timeout_s: float
     period_s: float
@@ -41,9 +41,11 @@ class Correction(Step):
 class Press(Correction):
     """Press the seated middle as hard as is wanted: arms do not know how high they stand.
 
-    Their height changes with the excess of force until that is at most ``band`` [N].
+    Their height changes with the excess of force until that is at most ``band`` [N]. ``softness``
+    [m/N] of what is pressed on.
     """
 
+    softness: float
     band: float
 
     def advance(self, state: State) -> bool:
@@ -93,8 +95,10 @@ class Level(Correction):
     """Raise or lower each arm by itself until the flat sheet's end neither carries nor pulls it.
 
     The end of a flat sheet holds up an arm that is 0.3 mm too low as much as a tip does, but not
-    one that is raised by ``most`` [m].
+    one that is raised by ``most`` [m]. ``softness`` (2,) [m/N] of the ends.
     """
+
+    softness: Vector
 
     def advance(self, state: State) -> bool:
         """Raise or lower them a little."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from dualbend.types import Vector
@@ -114,6 +114,17 @@ class Pace:
             abs(end.opening - begin.opening) / self.jaw_m_per_s,
         )
         return max(1, math.ceil(duration / self.period_s))
+
+
+def turned(posture: Posture, by_rad: float, centre_m: Vector) -> Posture:
+    """Return a posture turned by a small angle about a point of the sheet, x, y from its middle."""
+    x, y = centre_m.tolist()
+    return replace(
+        posture,
+        x=posture.x + by_rad * y,
+        y=posture.y - by_rad * x,
+        yaw=posture.yaw + by_rad,
+    )
 
 
 def interpolate(begin: Posture, end: Posture, u: float) -> Posture:

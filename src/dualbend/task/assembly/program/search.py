@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
+import numpy as np
+
 from dualbend.task.assembly.program.held import PRESS_RATE_PER_S
-from dualbend.task.assembly.program.motions import Posture
+from dualbend.task.assembly.program.motions import Posture, turned
 from dualbend.task.assembly.program.state import State, Tried
 from dualbend.task.assembly.program.steps import Motion, Move
 from dualbend.types import Vector
@@ -36,7 +38,8 @@ class HolePair:
     Pressed for ``patience_s`` without ``progress``, they come no further. ``yields``: how far a
     force [N] holds them above the coordinate. ``cannot``: what it means that they went ``felt``
     down at two places, one hole on a pin then, and did not come on; 0: of any end of the search.
-    ``sunk``: height from where on down one of them must be on its pin.
+    ``sunk``: height from where on down one of them must be on its pin. ``centre`` (2,) [m] between
+    them, about which they turn.
     """
 
     name: Literal["middle", "outer"]
@@ -54,6 +57,7 @@ class HolePair:
     progress: float = 0.0
     yields: Callable[[float], float] = rigid
     sunk: float = -math.inf
+    centre: Vector = field(default_factory=lambda: np.zeros(2))
 
     def value(self, state: State) -> float:
         """Return the present value of the coordinate."""
@@ -85,7 +89,7 @@ class HolePair:
                     place=state.came(),
                     wanted=state.sent(),
                     height=height,
-                    moment=float(state.contact_wrench(state.mean().net)[2]),
+                    moment=float(state.contact_wrench(state.mean().net, self.centre)[2]),
                 )
             )
             return True
@@ -153,12 +157,14 @@ class GoAside(Motion):
 
     Where the sheet came down ``felt`` [m] lower than elsewhere a hole is at the flank of its tip,
     and the other one is not because the sheet is turned. So it is turned there, by ``turn`` [rad]
-    as the moment about the vertical points, then the other way, then farther. Else the next of
+    about ``centre`` (2,), as the moment about the vertical points, then the other way, then
+    farther. Else the next of
     ``places`` (x, y) [m]. No place is tried that one before came ``near`` [m], half a turn.
     """
 
     places: Sequence[tuple[float, float]]
     turn: float
+    centre: Vector
     felt: float
     near: float
 
@@ -171,8 +177,9 @@ class GoAside(Motion):
         """Return x, y [m] and yaw [rad] of the next place."""
         deepest = min(tried, key=lambda one: one.height)
         x, y, yaw = deepest.place.tolist()
-        way = math.copysign(self.turn, deepest.moment)
-        around = [(x, y, yaw + n * way) for n in (1, -1, 2, -2, 3, -3)]
+        way, (cx, cy) = math.copysign(self.turn, deepest.moment), self.centre.tolist()
+        turns = [n * way for n in (1, -1, 2, -2, 3, -3)]
+        around = [(x + by * cy, y - by * cx, yaw + by) for by in turns]
         lattice = [(px, py, 0.0) for px, py in self.places]
         found = deepest.height <= max(one.height for one in tried) - self.felt
         for place in [*around, *lattice] if found else [*lattice, *around]:
@@ -187,23 +194,25 @@ class GoAside(Motion):
 
 @dataclass(frozen=True, kw_only=True)
 class Turn(Motion):
-    """Turn the sheet from where its middle lies, by another angle in each attempt.
+    """Turn the sheet about ``centre`` (2,) [m] between its middle holes, otherwise each attempt.
 
     No farther than until its pins push back with ``most`` [N m]: they would be levered.
     """
 
     turns: Sequence[float]
+    centre: Vector
     most: float
 
     def advance(self, state: State) -> bool:
         """Go on until the motion's time is over, or the pins push back."""
         if state.cycle >= state.quick_cycles:
             way = math.copysign(1.0, state.end.yaw - state.begin.yaw)
-            if -way * state.contact_wrench(state.mean(quick=True).net)[2] > self.most:
+            net = state.mean(quick=True).net
+            if -way * state.contact_wrench(net, self.centre)[2] > self.most:
                 return False
         return super().advance(state)
 
     def target(self, state: State) -> Posture:
         """Go from the turn of the attempt before to that of this one."""
         more = self.turns[state.attempt] - self.turns[state.attempt - 1]
-        return replace(state.posture, yaw=state.posture.yaw + more)
+        return turned(state.posture, more, self.centre)

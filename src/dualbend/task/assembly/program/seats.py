@@ -6,17 +6,22 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
 
-from dualbend.scene.bed.config import HolesConfig
-from dualbend.task.assembly.program.motions import Pace, Posture, interpolate
+import numpy as np
+
+from dualbend.planning.geometry import Circle, circles, smallest_circle
+from dualbend.scene.bed.config import Group, HolesConfig
+from dualbend.task.assembly.program.motions import Pace, Posture, interpolate, turned
 from dualbend.task.assembly.program.search import HolePair
 from dualbend.task.assembly.program.state import Pushed, State
 from dualbend.task.assembly.program.steps import Motion, Step
-from dualbend.types import SIDES, Vector
+from dualbend.types import Vector
 
 _M_PER_S, _SEEN_LATE_S, _STUCK_M = 3e-4, 0.3, 2e-3
 """How fast a sheet is moved to a pin, how late its force is noticed, how far arms may stick."""
+
+_ALONG = Circle(np.zeros(2), 1.0)
+"""For motions along and across, in which the force itself is meant."""
 
 _ONE_PIN, _AT_AN_END = 0.5, 0.3
 """Share of the force across that one pin makes in turning, from where on it is one, not two.
@@ -32,13 +37,14 @@ _NO_PLAY = 0.5
 class TouchPins(Step):
     """Move the sheet one way until its pins hold it; stop the task where they do not.
 
-    ``axis``: x, y or yaw; ``step``: of a cycle, one way or the other, [m] or [rad]. They hold it
-    where it is pushed back with ``force`` [N] or [N m], within ``most`` of motion, as the encoders
-    tell it: arms that stick need not go where they are sent. ``slack``: sent further, an arm that
-    has not moved is stuck. ``must``: else it only ends there.
+    ``axis``: x, y or yaw, that about ``centre`` (2,) [m]; ``step``: of a cycle, one way or the
+    other, [m] or [rad]. They hold it where it is pushed back with ``force`` [N] or [N m], within
+    ``most`` of motion, as the encoders tell it: arms that stick need not go where they are sent.
+    ``slack``: sent further, an arm that has not moved is stuck. ``must``: else it only ends there.
     """
 
     axis: int
+    centre: Vector
     step: float
     force: float
     most: float
@@ -51,19 +57,24 @@ class TouchPins(Step):
         if state.cycle == 0:
             state.begin, state.touch_from = state.posture, seen.place
         assert state.touch_from is not None
-        felt = -way * float(state.contact_wrench(seen.net)[self.axis])
+        wrench = state.contact_wrench(seen.net, self.centre)
+        felt = -way * float(wrench[self.axis])
         if felt >= self.force:
-            state.pushed.append(Pushed(seen.place, state.contact_wrench(seen.net)))
+            state.pushed.append(Pushed(seen.place, wrench))
             return False
         moved = way * float(seen.place[self.axis] - state.touch_from[self.axis])
         sent = abs(state.cycle * self.step)
         if moved > self.most or sent > self.most + self.slack:
             if not self.must:
-                state.pushed.append(Pushed(seen.place, state.contact_wrench(seen.net)))
+                state.pushed.append(Pushed(seen.place, wrench))
                 return False
             raise state.stopped(self._said(moved, felt))
-        here = getattr(state.posture, name) + self.step
-        state.posture, state.cycle = replace(state.posture, **{name: here}), state.cycle + 1
+        if name == "yaw":
+            state.posture = turned(state.posture, self.step, self.centre)
+        else:
+            here = getattr(state.posture, name) + self.step
+            state.posture = replace(state.posture, **{name: here})
+        state.cycle += 1
         return True
 
     def _said(self, moved: float, felt: float) -> str:
@@ -89,26 +100,30 @@ class Centre(Motion):
 class CheckPair(Step):
     """Stop the task where the sheet was turned one way and the other against one pin of a pair.
 
-    Two pins hold the turning sheet with a couple of forces, ±F; one of them alone with F, so that
-    the force across is M/s, s its arm, and changes its sign with the moment M. What two pins that
-    stand off the middle of their play add to it does not.
+    Two pins hold the turning sheet with a couple of forces, ±F, across the line between them; one
+    of them alone with F, so that the force across it is M/s, s half their distance, and changes its
+    sign with the moment M about the middle between them. What two pins that stand off the middle of
+    their play add to it does not. ``places`` (2, 2) of both in the sheet [m], ``names``.
     """
 
-    name: Literal["middle", "outer"]
-    arm_m: float
+    names: tuple[str, str]
+    places: Vector
 
     def advance(self, state: State) -> bool:
         """Compare both ends of the turn."""
-        one, other = (pushed.wrench for pushed in state.pushed)
-        # A pin on the right, at +s, turns with a force of its sign.
-        both, *ends = (self.arm_m * float(w[1] / w[2]) for w in (other - one, one, other))
+        (x, y), arm = (self.places[1] - self.places[0]).tolist(), smallest_circle(self.places)[1]
+        x, y = x / (2.0 * arm), y / (2.0 * arm)
+        # Force across the line between them, and moment: the second pin's have the same sign.
+        turns = [np.array([x * w[1] - y * w[0], w[2]]) for _, w in state.pushed]
+        one, other = turns
+        both, *ends = (arm * float(f / m) for f, m in (other - one, one, other))
         side = math.copysign(1.0, both)
         if abs(both) < _ONE_PIN or min(side * end for end in ends) < _AT_AN_END:
             return False
-        missing = SIDES[0] if side > 0.0 else SIDES[1]
+        missing = self.names[0 if side > 0.0 else 1].replace("_", " ")
         raise state.stopped(
-            f"the {self.name} {missing} pin is not felt: turned one way and the other, the sheet "
-            f"is pushed across with {one[1]:.2f} and {other[1]:.2f} N, by one pin; two would turn "
+            f"the {missing} pin is not felt: turned one way and the other, the sheet "
+            f"is pushed across with {one[0]:.2f} and {other[0]:.2f} N, by one pin; two would turn "
             "it without"
         )
 
@@ -168,56 +183,81 @@ class Feeling:
 
     def jammed(self, pair: HolePair) -> Iterator[Step]:
         """Turn the bent sheet where one of its middle holes is on its pin and the other is not."""
-        gently, arm, play = self._gently()
-        touches = gently._touches(2, play, arm, must=False)
-        check = CheckPlay(play=play, force=gently.force_n * arm)
+        gently, around = self._gently()
+        if not around.radius_m:
+            return
+        play = self.holes.clearance_m / around.radius_m
+        touches = gently._touches(2, play, around, must=False)
+        check = CheckPlay(play=play, force=gently.force_n * around.radius_m)
         for step in (*touches, check, gently._back()):
             yield WhereOneIsOn(holes=pair, step=step)
 
     def middle(self) -> Iterator[Step]:
         """Turn the bent sheet on its middle pins alone: the outer ones would hide that one lacks.
 
-        They are near each other: the same motion and moment would press them harder.
+        They are near each other: the same motion and moment would press them harder. One hole does
+        not hold a turn, and of three or more any two do.
         """
-        gently, arm, play = self._gently()
-        yield from gently._touches(2, 2.0 * play, arm)
-        yield CheckPair(name="middle", arm_m=arm)
-        yield gently._back()
+        gently, around = self._gently()
+        for check in self._pair("middle"):
+            play = self.holes.clearance_m / around.radius_m
+            yield from gently._touches(2, 2.0 * play, around)
+            yield check
+            yield gently._back()
 
     def all(self) -> Iterator[Step]:
         """Move the sheet along, across and turning about the vertical.
 
         A seated sheet has its clearance c, and what yields to the force at both ends. One that no
-        pins hold goes on; one that only the middle pins hold turns c/s, s their arm, before they
-        do, and is stopped midway between that and the play of the outer ones.
+        pins hold goes on; one that only the middle pins hold turns c/s, s the largest distance of
+        one from the middle of the outer holes, before they do, and is stopped midway between that
+        and the play of the outer ones.
         """
-        c, near, far = self.holes.clearance_m, self.holes.middle.along_m, self.holes.outer.along_m
+        c, around = self.holes.clearance_m, circles(self.holes)[1]
         for axis in (0, 1):
             yield from self._touches(axis, 2.0 * c)
             yield self._back()
-        yield from self._touches(2, 0.5 * (c / far + c / near), far)
-        yield CheckPair(name="outer", arm_m=far)
+        far, away = around.radius_m, self.holes.places_of("middle") - around.centre_m
+        near = float(np.hypot(*away.T).max())
+        free = 0.5 * (c / far + c / near) if 0.0 < near < far else 2.0 * c / far
+        yield from self._touches(2, free, around)
+        yield from self._pair("outer")
         yield self._back()
 
-    def _gently(self) -> tuple[Feeling, float, float]:
-        """Return what feels middle pins, their arm [m] and play [rad]."""
-        arm = self.holes.middle.along_m
+    def _gently(self) -> tuple[Feeling, Circle]:
+        """Return what feels middle pins, and the circle around them."""
         gently = replace(self, force_n=0.5 * self.force_n, slower=2)
-        return gently, arm, self.holes.clearance_m / arm
+        return gently, circles(self.holes)[0]
+
+    def _pair(self, group: Group) -> Iterator[CheckPair]:
+        """Yield what tells which one of two pins is missing."""
+        names, places = self.holes.names_of(group), self.holes.places_of(group)
+        if len(names) == 2:
+            yield CheckPair(names=(names[0], names[1]), places=places)
 
     def _touches(
-        self, axis: int, free: float, arm: float = 1.0, *, must: bool = True
+        self, axis: int, free: float, around: Circle = _ALONG, *, must: bool = True
     ) -> Iterator[TouchPins]:
-        """Move the sheet one way, and the other; it may move freely by ``free`` [m] or [rad]."""
+        """Move the sheet one way, and the other; it may move freely by ``free`` [m] or [rad].
+
+        It is turned about the centre of a circle, with the force at its radius.
+        """
+        centre, arm = around
         force, speed = self.force_n * arm, _M_PER_S / self.slower / arm
         yields = 2.0 * force / float(self.rubber[axis]) + _SEEN_LATE_S * speed
         step, slack = speed * self.pace.period_s, _STUCK_M / arm
         touch = partial(
-            TouchPins, axis=axis, force=force, most=free + yields, slack=slack, must=must
+            TouchPins,
+            axis=axis,
+            centre=centre,
+            force=force,
+            most=free + yields,
+            slack=slack,
+            must=must,
         )
         yield touch(step=step)
         yield touch(step=-step)
 
     def _back(self) -> Centre:
-        turning = self.pace.linear_m_per_s / self.holes.outer.along_m
+        turning = self.pace.linear_m_per_s / circles(self.holes)[1].radius_m
         return Centre(pace=replace(self.pace, angular_rad_per_s=turning))

@@ -18,6 +18,9 @@ _MEAN_S, _QUICK_S = 0.504, 0.14
 force is averaged that ends a motion."""
 
 
+_MIDDLE, _ALIKE = np.zeros(2), np.ones(2)
+
+
 def mean_cycles(period_s: float) -> int:
     """Return the cycles of ``period_s`` [s] over which what is sensed is averaged."""
     return max(round(_MEAN_S / period_s), 1)
@@ -156,9 +159,12 @@ class State:
         assert self.free is not None
         return float(self.mean(quick=quick).net[2] - self.free.net[2])
 
-    def end_support(self, *, quick: bool = False) -> float:
-        """Return what holds an arm up besides the middle pins, the larger one of both [N]."""
-        return float(self.ends_held_up(quick=quick).max())
+    def end_support(self, *, quick: bool = False, shares: Vector = _ALIKE) -> float:
+        """Return what holds an arm up besides the middle pins, the larger one of both [N].
+
+        ``shares`` (2,) of each end's force that count: one that is stiffer is held up with more.
+        """
+        return float((shares * self.ends_held_up(quick=quick)).max())
 
     def ends_held_up(self, *, quick: bool = False) -> Vector:
         """Return what holds each arm up besides the middle pins (2,) [N]."""
@@ -177,7 +183,11 @@ class State:
         """Return the smaller one of the gaps between the pads [m]."""
         return float(self.seen[-1].gap.min())
 
-    def contact_wrench(self, net: Vector) -> Vector:
-        """Return force x, y and moment z that the sheet's contacts make, (3,) [N, N m]."""
+    def contact_wrench(self, net: Vector, about_m: Vector = _MIDDLE) -> Vector:
+        """Return force x, y and moment z that the sheet's contacts make, (3,) [N, N m].
+
+        The moment is about a point of the sheet, x, y from its middle.
+        """
         free = np.zeros(4) if self.free is None else self.free.net
-        return np.asarray((net - free)[[0, 1, 3]])
+        x, y, moment = (net - free)[[0, 1, 3]]
+        return np.array([x, y, moment - (about_m[0] * y - about_m[1] * x)])

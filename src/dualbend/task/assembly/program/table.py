@@ -15,6 +15,7 @@ import numpy as np
 
 from dualbend.beam.path import BendingPath
 from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
+from dualbend.planning.geometry import circles, overhangs
 from dualbend.scene.cell import GraspConfig
 from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.program.execution import Execution, Phase
@@ -125,6 +126,8 @@ class AssemblyProgram:
         self.path = path
         self.middle = BentMiddle(sheet, path, config.layout.pins.height_m, yields)
         self.press_force_n = self.middle.force(config.press_m)
+        self._middle, self._outer = circles(config.layout.holes)
+        self._beyond_farthest, self._beyond_nearest = overhangs(config.layout.holes, sheet.length_m)
         self.table = tuple(p for layer in range(config.sheets) for p in self._lay(layer))
 
     def begin(self) -> Execution:
@@ -161,7 +164,7 @@ class AssemblyProgram:
     def _lay(self, layer: int) -> Sequence[Phase]:
         """Return the phases that lay a sheet on this many others."""
         config, start, move, wait = self.config, self.start, self._move, self._wait
-        t, weight = self.sheet.thickness_m, self.sheet.mass_kg * GRAVITY_M_PER_S2
+        sheet, t = self.sheet, self.sheet.thickness_m
         over = self._seat_z(layer) + config.lift_m
         come = [move(z=over), move(x=0.0, y=start.y, yaw=0.0), move(z=start.z)] if layer else []
         if self.rehearse and not layer:
@@ -187,10 +190,9 @@ class AssemblyProgram:
             if config.compliance is not None:
                 on_middle += [settle(alpha_ratio=1.0), *feel.middle()]
                 jammed += feel.jammed(middle)
-        touch, slack = self._unfold_to_touch(layer), self._slack()
-        EI = self.sheet.bending_stiffness_nm2
-        weighed = CheckWeight(weight, self.least_force_n)
-        clamped, least = weight * self.sheet.length_m / 12.0, self.least_moment_nm
+        touch, slack, EI = self._unfold_to_touch(layer), self._slack(), sheet.bending_stiffness_nm2
+        weight, least = sheet.mass_kg * GRAVITY_M_PER_S2, self.least_moment_nm
+        weighed, clamped = CheckWeight(weight, self.least_force_n), weight * sheet.length_m / 12.0
         # Under tension, which arms that do not comply cannot take off, every sheet turns its grips.
         flat = [CheckFlat(EI, clamped, max(_BENT_PER_M * EI, least))] if slack else []
         # In the air nothing else holds the sheet, on the pins they do.
@@ -234,6 +236,7 @@ class AssemblyProgram:
                 pace=self.pace,
                 places=config.search.places(),
                 turn=config.search.turn_rad,
+                centre=self._middle.centre_m,
                 felt=_FELT_M,
                 near=0.5 * config.search.step_m,
                 retry_only=True,
@@ -252,13 +255,12 @@ class AssemblyProgram:
 
     def _lower_outer(self, layer: int, touch: Move, holes: HolePair) -> Sequence[Step]:
         """Unfold; where it is not the first time, bend up to the touch and turn before."""
-        config = self.config
+        config, about, far = self.config, self._middle.centre_m, self._outer.radius_m
         turns = config.search.turns(config.layout.holes)
-        far = config.layout.holes.outer.along_m
         # As slowly as pins are felt for: the middle ones hold the sheet.
         pace = replace(self.pace, angular_rad_per_s=_CHECK_M_PER_S / far)
         most = max(config.check_force_n, self.least_force_n) * far
-        turn = Turn(pace=pace, turns=turns, most=most, alpha_ratio=1.0)
+        turn = Turn(pace=pace, turns=turns, centre=about, most=most, alpha_ratio=1.0)
         slow = replace(self.pace, angular_rad_per_s=config.speeds.contact_rad_per_s)
         return [
             *(replace(move, retry_only=True) for move in (touch, turn)),
@@ -279,11 +281,10 @@ class AssemblyProgram:
 
     def _level(self, holes: HolePair) -> Iterator[Level]:
         if self.config.compliance is not None:
-            overhang = 0.5 * self.sheet.length_m - self.config.layout.holes.outer.along_m
             yield Level(
                 force=max(0.5 * holes.touch_n, self.least_force_n),
                 # Of a beam from the outer hole to the grip, whose slopes stay.
-                softness=overhang**3 / (12.0 * self.sheet.bending_stiffness_nm2),
+                softness=self._beyond_farthest**3 / (12.0 * self.sheet.bending_stiffness_nm2),
                 most=_ARMS_OFF_M,
                 timeout_s=self.config.timeout_s,
                 period_s=self.pace.period_s,
@@ -346,19 +347,20 @@ class AssemblyProgram:
             cannot="one was on its pin and the other was not, however the sheet was turned: are "
             "pins and holes as far apart, as thick, as drawn?",
             felt=_FELT_M,
+            centre=self._middle.centre_m,
         )
 
     def _outer_holes(self) -> HolePair:
         """Tell a tip by the stiffness of the sheet between the outer hole and the grip."""
         layout, sheet = self.config.layout, self.sheet
-        overhang = 0.5 * sheet.length_m - layout.holes.outer.along_m
-        stiffness = 3.0 * sheet.bending_stiffness_nm2 / overhang**3
+        ends = 3.0 * sheet.bending_stiffness_nm2 / self._beyond_nearest**3
+        stiffness = float(ends.min())
         missed = 0.5 * stiffness * layout.pins.height_m
         return HolePair(
             name="outer",
             coordinate="alpha",
             target=0.0,
-            support=State.end_support,
+            support=partial(State.end_support, shares=stiffness / ends),
             touch_n=max(0.4 * missed, self.least_force_n),
             missed_n=max(missed, self.least_force_n),
             short=_HELD_UP * self.touch_rad,
