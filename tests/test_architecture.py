@@ -33,6 +33,7 @@ ROOMS = (
     "task",
     "env",
     "serve",
+    "testing",
     "study",
     "check",
     "validation",

@@ -69,8 +69,9 @@ for arm in arms:
 def by_client(scenario: Path, folder: Path, *settings: str) -> tuple[RunRecord, str]:
     run: Run = make_run(load_scenario(str(scenario), settings))
     cell = ServedCell(run, own_ports=True)
+    assert cell.config.client is not None
     with cell.open() as lockstep:
-        return run_by_client(cell, lockstep, folder), lockstep.failure
+        return run_by_client(cell, lockstep, cell.config.client, folder), lockstep.failure
 
 
 def test_a_scenario_is_gated_by_the_controller_that_it_names(

@@ -86,13 +86,14 @@ def measure(source: str, out: Path | None = None) -> Measured:
 def _carried_out(scenario: Scenario, folder: Path | None) -> tuple[RunRecord, str]:
     """Return a run, and why its client failed, if it did; kept in a folder where one is given."""
     run, failure = make_run(scenario), ""
-    if scenario.serve is None or scenario.serve.client is None:
+    command = scenario.serve and scenario.serve.client
+    if not command:
         result = result_of(run)
     else:
         with TemporaryDirectory() if folder is None else nullcontext(folder) as kept:
             cell = ServedCell(run, own_ports=True)
             with cell.open() as lockstep:
-                result = whole(run_by_client(cell, lockstep, Path(kept) / FOLDER))
+                result = whole(run_by_client(cell, lockstep, command, Path(kept) / FOLDER))
                 failure = lockstep.failure
     if folder is not None:
         write_results(result, folder, record=False)

@@ -80,7 +80,7 @@ def serve(
                 click.echo(line)
             if command:
                 click.echo(f"client: {command}; its output: {folder / FOLDER / OUTPUT}")
-                return run_by_client(cell, lockstep, folder / FOLDER, on_cycle)
+                return run_by_client(cell, lockstep, command, folder / FOLDER, on_cycle)
             click.echo("start your controller now: the cell waits for its first answer")
             return lockstep.run(on_cycle)
 

@@ -37,6 +37,15 @@ os.killpg(int(sys.argv[1]), signal.SIGKILL)
 """Ends a client when its cell's process is there no more, whatever ended that."""
 
 
+def told_to(cell: ServedCell, folder: Path) -> dict[str, str]:
+    """Return what a client is told, by name: ports, tools, its folder and this interpreter."""
+    told = {**ports_of(cell.config), "folder": str(folder.resolve()), "python": sys.executable}
+    for side in SIDES:
+        mass_kg, centre_m = cell.tool(side)
+        told[f"{side}_tool"] = " ".join(map(repr, (mass_kg, *centre_m.tolist())))
+    return told
+
+
 def environment(told: Mapping[str, str]) -> dict[str, str]:
     """Return what a client is told as variables: ``DUALBEND_LEFT_ROBOT_PORT`` and so on."""
     return {PREFIX + name.upper(): value for name, value in told.items()}
@@ -45,21 +54,17 @@ def environment(told: Mapping[str, str]) -> dict[str, str]:
 def run_by_client(
     cell: ServedCell,
     lockstep: LockStep,
+    command: str,
     folder: Path,
     on_cycle: Callable[[int], None] | None = None,
 ) -> RunRecord:
-    """Run to the end by the client that ``serve.client`` starts; it is ended with the run.
+    """Run to the end by the client that a command starts; it is ended with the run.
 
     ``folder``: where it finds RSI configurations and its output is kept, made if need be.
 
     Raises InputError where the command is none, cannot be started, or the folder not be written.
     """
-    command = cell.config.client
-    assert command is not None
-    told = {**ports_of(cell.config), "folder": str(folder.resolve())}
-    for side in SIDES:
-        mass_kg, centre_m = cell.tool(side)
-        told[f"{side}_tool"] = " ".join(map(repr, (mass_kg, *centre_m.tolist())))
+    told = told_to(cell, folder)
     words = _words(command, told)
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
