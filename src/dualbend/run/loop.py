@@ -57,6 +57,7 @@ class Run:
     identity : what names the run in every file; begun again, it is the same run
     learned : what was learned before and corrects the path, in words; "" where nothing does
     steered : a deviation has come from outside, in the controller's place; ``outside`` names it
+    records_all_axes : deviations may have all six axes, whatever the scenario's controller has
     reading : of the sensors in this cycle
     """
 
@@ -68,6 +69,7 @@ class Run:
     learned: str = ""
     steered = False
     outside = "dualbend.Cell.step"
+    records_all_axes = False
     reading: WrenchReading
     compliance: Callable[[Scenario], Controller] = staticmethod(make_compliance)
 
@@ -125,7 +127,7 @@ class Run:
             task_of(self.scenario).part("columns")(self.scenario),
             link=self.scenario.imperfections.link.errs,
             slips=self.scenario.grasp.friction is not None,
-            in_space=self.scenario.compliance.in_space,
+            in_space=self.scenario.compliance.in_space or self.records_all_axes,
         )
         self._link = make_link(self.scenario, self.cell)
         self._guard = Guard(

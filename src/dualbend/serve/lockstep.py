@@ -51,7 +51,7 @@ class LockStep:
 
     def run(self, on_cycle: Callable[[int], None] | None = None) -> RunRecord:
         """Simulate the motion to its end, whatever ends it."""
-        self._run.outside = "dualbend serve"
+        self._run.outside, self._run.records_all_axes = "dualbend serve", True
         walk = self._run.walk(on_cycle)
         with warnings_counted_only(), selectors.DefaultSelector() as self._selector:
             for port in self._ports:
