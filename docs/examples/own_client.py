@@ -5,10 +5,11 @@
 Each cycle: the robot tells its bending angle (RIst B) and waits; the sensor's record of the cycle,
 less the tool's weight, moved to the grip, makes the moment; RKorr B answers.
 
-Run: dualbend serve fig8, and then, beside it: python docs/examples/own_client.py
+Run: dualbend serve fig8 --client "python docs/examples/own_client.py"
 """
 
 import math
+import os
 import re
 import socket
 import struct
@@ -16,8 +17,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 GAIN_DEG_PER_NM, COUNTS, LEVER_M = 2.0, 1e6, 0.12
-TOOL = (0.61, 0.047869, 0.0)  # kg; x, z of its centre [m]: `dualbend serve` prints them
 AGE = 10.5 / 28.0  # of a reading, in cycles
+
+
+def told(what: str, left: str, right: str) -> list[list[float]]:
+    """Return the numbers of both arms: those that `dualbend` tells, where it started this."""
+    texts = [
+        os.environ.get(f"DUALBEND_{s}_{what}", d) for s, d in (("LEFT", left), ("RIGHT", right))
+    ]
+    return [[float(number) for number in text.split()] for text in texts]
+
+
+ROBOTS = [int(port) for (port,) in told("ROBOT_PORT", "49152", "49153")]
+SENSORS = [int(port) for (port,) in told("SENSOR_PORT", "49162", "49163")]
+TOOL = "0.61 0.047869 0 0"  # kg; its centre [m]: `dualbend serve` prints them
+TOOLS = [(mass, x, z) for mass, x, _, z in told("TOOL", TOOL, TOOL)]
 
 
 @dataclass
@@ -54,9 +68,9 @@ class Arm:
 
 
 def main(
-    robots: Sequence[int] = (49152, 49153),
-    sensors: Sequence[int] = (49162, 49163),
-    tools: Sequence[tuple[float, float, float]] = (TOOL, TOOL),
+    robots: Sequence[int] = ROBOTS,
+    sensors: Sequence[int] = SENSORS,
+    tools: Sequence[tuple[float, float, float]] = TOOLS,
 ) -> None:
     """Control both arms until the robots are silent for a while."""
     arms = []

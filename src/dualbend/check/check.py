@@ -31,12 +31,14 @@ def check(
     *,
     update: bool = False,
     workers: int | None = None,
+    out: Path | None = None,
     on_done: Callable[[Measured], None] = lambda _: None,
 ) -> Verdicts:
     """Run scenarios and compare them with the baseline, and rewrite it with ``update``.
 
     ``asked``: names or files; none are all that the baseline holds, all shipped ones where an
-    update has none yet. ``file``: the baseline, ./baseline.json if None. Raises InputError where
+    update has none yet. ``file``: the baseline, ./baseline.json if None. ``out``: where the runs
+    are kept, a folder each. Raises InputError where
     there is no baseline, or a scenario is not in it (and no ``update``) or cannot be read.
     """
     path = find_baseline(file, update=update)
@@ -44,7 +46,7 @@ def check(
     wanted = sources(asked, baseline, path) or list(list_scenarios() if update else ())
     if not wanted:
         raise InputError(f"{path}: the baseline holds no scenario; name one, with --update")
-    measured = measure_all(_longest_first(wanted, baseline, path), workers, on_done)
+    measured = measure_all(_longest_first(wanted, baseline, path), workers, out, on_done)
     measured.sort(key=lambda one: one.name)
     strangers = [one.name for one in measured if one.name not in baseline.scenarios]
     if strangers and not update:

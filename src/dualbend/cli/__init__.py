@@ -12,6 +12,7 @@ from dualbend.cli import (
     check,
     files,
     learning,
+    logs,
     report,
     runs,
     serve,
@@ -32,7 +33,19 @@ def main() -> None:
     """Two position-controlled arms bend a flexible sheet."""
 
 
-for _module in (assembly, files, check, learning, report, runs, serve, stability, sweep, theory):
+for _module in (
+    assembly,
+    files,
+    check,
+    learning,
+    logs,
+    report,
+    runs,
+    serve,
+    stability,
+    sweep,
+    theory,
+):
     for _command in vars(_module).values():
         if isinstance(_command, click.Command):
             main.add_command(_command)

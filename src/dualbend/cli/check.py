@@ -18,6 +18,7 @@ from dualbend.cli.completion import complete_scenarios
 @click.option("--junit", type=PATH, help="JUnit XML file to write.")
 @click.option("--markdown", type=PATH, help="Markdown file to write.")
 @click.option("--workers", type=click.IntRange(min=1), help="Processes; default: one per core.")
+@click.option("--out", type=PATH, help="Folder for the runs, a folder each.")
 @click.option("--all", "everything", is_flag=True, help="Also print the values that agree.")
 def check(
     scenarios: tuple[str, ...],
@@ -26,12 +27,14 @@ def check(
     junit: Path | None,
     markdown: Path | None,
     workers: int | None,
+    out: Path | None,
     everything: bool,
 ) -> None:
     """Compare the metrics of runs with a baseline.
 
     The exit code is 1 if a metric differs by more than its tolerance, for the worse or for the
-    better. Without a SCENARIO all scenarios of the baseline are run.
+    better. Without a SCENARIO all scenarios of the baseline are run. A scenario with serve.client
+    is run by that controller.
     """
     from dualbend.check import report as check_report
     from dualbend.check.check import check as compare_with_baseline
@@ -42,7 +45,7 @@ def check(
         click.echo(f"{said}: {one.reason}" if one.reason else said, err=True)
 
     verdicts = compare_with_baseline(
-        scenarios, baseline, update=update, workers=workers, on_done=tell
+        scenarios, baseline, update=update, workers=workers, out=out, on_done=tell
     )
     if junit is not None:
         check_report.write_junit(verdicts, junit)

@@ -83,12 +83,12 @@ def carry_out(
     *,
     record: bool,
     address: str | None = None,
-    drive: Callable[[Run, Callable[[int], None]], RunRecord] | None = None,
+    drive: Callable[[Run, Path, Callable[[int], None]], RunRecord] | None = None,
 ) -> None:
     """Run a scenario and write its results, as ``dualbend run`` does.
 
-    ``drive`` goes from the ready run to its end in the place of the scenario's own controller, of
-    which nothing is predicted then.
+    ``drive`` goes from the ready run, whose folder it gets, to its end in the place of the
+    scenario's own controller, of which nothing is predicted then.
     """
     from dualbend.evaluation.warnings import scenario_warnings
     from dualbend.interrupts import uninterrupted
@@ -101,6 +101,12 @@ def carry_out(
         show_warnings(scenario.name, scenario_warnings(scenario))
         if drive is None:
             _tell_stability(ready.scenario)
+            if scenario.serve is not None and scenario.serve.client is not None:
+                click.echo(
+                    f"{scenario.name}: by compliance.kind; serve.client is started by dualbend "
+                    "serve and dualbend check",
+                    err=True,
+                )
         with (
             progress_bar(ready.cycles, scenario.name) as bar,
             kept.log(ready) as keep,
@@ -115,7 +121,7 @@ def carry_out(
 
             # A garbage collection in the loop has nothing to find in what was there before.
             gc.freeze()
-            result = ready.run(on_cycle=step) if drive is None else drive(ready, step)
+            result = ready.run(on_cycle=step) if drive is None else drive(ready, kept.folder, step)
             gc.unfreeze()
         if result.signal and (kept.whole or not result.trace.rows):
             _leave_the_log(result, kept)

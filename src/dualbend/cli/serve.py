@@ -22,7 +22,7 @@ _LOOPBACK = "127.0.0.1"
 
 @command(
     "dualbend serve fig8 --out runs/served",
-    "dualbend serve fig8 --set serve.correction=relative --configs rsi",
+    "dualbend serve fig8 --client 'python my_controller.py'",
 )
 @SCENARIO
 @click.option("--out", type=PATH, help="Folder for the results.")
@@ -41,6 +41,11 @@ _LOOPBACK = "127.0.0.1"
     show_default=True,
     help="Where the robots send to: the address of your controller.",
 )
+@click.option(
+    "--client",
+    metavar="COMMAND",
+    help="Start your controller, told its ports, and end it with the run; as serve.client.",
+)
 @click.option("--configs", type=PATH, help="Folder for the RSI configuration of each arm.")
 def serve(
     scenario: str,
@@ -50,6 +55,7 @@ def serve(
     record: bool,
     address: str,
     controller: str,
+    client: str | None,
     configs: Path | None,
 ) -> None:
     """Run a scenario by your own controller's answers.
@@ -58,10 +64,12 @@ def serve(
     results are those of dualbend run.
     """
 
-    def drive(ready: Run, on_cycle: Callable[[int], None]) -> RunRecord:
+    def drive(ready: Run, folder: Path, on_cycle: Callable[[int], None]) -> RunRecord:
         from dualbend.serve.cell import ServedCell
+        from dualbend.serve.client import FOLDER, OUTPUT, run_by_client
 
-        cell = ServedCell(ready, address, controller)
+        command = ready.scenario.serve and ready.scenario.serve.client
+        cell = ServedCell(ready, address, controller, own_ports=bool(command))
         if configs is not None:
             with writing(configs, "--configs"):
                 configs.mkdir(parents=True, exist_ok=True)
@@ -70,7 +78,14 @@ def serve(
         with cell.open() as lockstep:
             for line in cell.told():
                 click.echo(line)
+            if command:
+                click.echo(f"client: {command}; its output: {folder / FOLDER / OUTPUT}")
+                return run_by_client(cell, lockstep, command, folder / FOLDER, on_cycle)
             click.echo("start your controller now: the cell waits for its first answer")
             return lockstep.run(on_cycle)
 
+    if client is not None:
+        from dualbend.scenario.toml_text import toml
+
+        settings = (*settings, f"serve.client={toml(client)}")
     carry_out(load(scenario, settings, seed), out, record=record, drive=drive)

@@ -63,6 +63,7 @@ class Run:
     identity : what names the run in every file; begun again, it is the same run
     learned : what was learned before and corrects the path, in words; "" where nothing does
     steered : a deviation has come from outside, in the controller's place; ``outside`` names it
+    records_all_axes : deviations may have all six axes, whatever the scenario's controller has
     reading : of the sensors in this cycle
     """
 
@@ -74,6 +75,7 @@ class Run:
     learned: str = ""
     steered = False
     outside = "dualbend.Cell.step"
+    records_all_axes = False
     reading: WrenchReading
     compliance: Callable[[Scenario], Controller] = staticmethod(make_compliance)
 
@@ -144,7 +146,7 @@ class Run:
             shape,
             link=self.scenario.imperfections.link.errs,
             slips=self.scenario.grasp.friction is not None,
-            in_space=self.scenario.compliance.in_space,
+            in_space=self.scenario.compliance.in_space or self.records_all_axes,
         )
 
     def run(self, on_cycle: Callable[[int], None] | None = None) -> RunRecord:

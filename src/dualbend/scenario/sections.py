@@ -310,6 +310,20 @@ class ServeConfig(Config):
     The bounds are assumed.
     """
 
+    client: (
+        Annotated[
+            str,
+            said(
+                "command that starts your controller, in the working folder, by `serve` and "
+                "`check`; ports that are not given are free ones, told by DUALBEND_LEFT_ROBOT_PORT "
+                "... and {left_robot_port} ...",
+                min_length=1,
+                max_length=4000,
+                examples=["python my_controller.py"],
+            ),
+        ]
+        | None
+    ) = None
     left: ServedArmConfig = ServedArmConfig()
     right: ServedArmConfig = ServedArmConfig()
     correction: Annotated[

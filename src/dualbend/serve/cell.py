@@ -8,15 +8,15 @@ from contextlib import ExitStack, contextmanager
 from dualbend.errors import InputError
 from dualbend.run.cell import believed_tool
 from dualbend.run.loop import Run
-from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sections import ServeConfig
 from dualbend.serve.lockstep import LockStep
 from dualbend.serve.port import RobotPort, SensorPort
+from dualbend.serve.ports import with_ports
 from dualbend.serve.robot.egm import EgmRobot
 from dualbend.serve.robot.rsi import RsiRobot
 from dualbend.serve.robot.telegram import configuration
 from dualbend.serve.sensor.netft import NetFT
-from dualbend.types import SIDES, Side
+from dualbend.types import SIDES, Side, Vector
 
 LOOPBACK = "127.0.0.1"
 
@@ -30,11 +30,19 @@ _FIRST = {
 class ServedCell:
     """A run whose deviations come from controllers outside; :meth:`open` opens its ports.
 
-    ``address``: where the sensors listen; ``controller``: where the robots send to. Raises
-    InputError where the scenario has nothing to serve.
+    ``address``: where the sensors listen; ``controller``: where the robots send to. ``own_ports``:
+    what the scenario leaves open are free ports, not the defaults, for a client that is told them.
+    Raises InputError where the scenario has nothing to serve.
     """
 
-    def __init__(self, run: Run, address: str = LOOPBACK, controller: str = LOOPBACK) -> None:
+    def __init__(
+        self,
+        run: Run,
+        address: str = LOOPBACK,
+        controller: str = LOOPBACK,
+        *,
+        own_ports: bool = False,
+    ) -> None:
         scenario = run.scenario
         if scenario.task.kind != "bending":
             raise InputError(
@@ -44,7 +52,8 @@ class ServedCell:
             if not given:  # which would be every address of the machine
                 raise InputError(f'{option} is empty; give an address, "{LOOPBACK}" for example')
         self._ready, self._address, self._controller = run, address, controller
-        self.config = scenario.serve or ServeConfig()
+        config = scenario.serve or ServeConfig()
+        self.config = with_ports(config) if own_ports else config
         if all(self.config.own(side).robot == "none" for side in SIDES):
             raise InputError("serve.left.robot and serve.right.robot are none: nothing is steered")
         mode, correction = scenario.robot.alter.mode, self.config.correction
@@ -91,13 +100,29 @@ class ServedCell:
         for port in (*self.robots, *self.sensors):
             lines += port.told()
         for side in scenario.compliance.sensing:
-            lines.append(_told_of_tool(self._ready, scenario, side))
+            lines.append(self._told_of_tool(side))
         if not scenario.compliance.sensing:
             lines.append("no sensor: no arm senses (compliance.sensing)")
         for where in dict.fromkeys((self._address, self._controller)):
             if where != "localhost" and not where.startswith("127."):
                 lines.append(f"open to the network: {where} is no loopback address")
         return lines
+
+    def tool(self, side: Side) -> tuple[float, Vector]:
+        """Return mass [kg] and centre (3,) [m] in the sensor's axes, as they are believed."""
+        run = self._ready
+        return believed_tool(run.scenario, run.cell.simulation.model, side)
+
+    def _told_of_tool(self, side: Side) -> str:
+        """Return what a controller needs to take the tool's weight off a reading."""
+        scenario, (mass_kg, centre_m) = self._ready.scenario, self.tool(side)
+        centre = ", ".join(f"{value:.6f}" for value in centre_m)
+        age_s = max(scenario.sensor.latency_steps(scenario.step_s), 1) * scenario.step_s
+        return (
+            f"{side} tool: {mass_kg:.6f} kg, centre at ({centre}) m in the sensor's axes; grip "
+            f"centre at x = {scenario.sensor.lever_arm_m:g} m; a reading is {1e3 * age_s:.4g} ms "
+            "old"
+        )
 
     def configurations(self) -> dict[str, str]:
         """Return the RSI Ethernet configuration of each served robot, by a file's name."""
@@ -106,17 +131,6 @@ class ServedCell:
             for side in SIDES
             if self.config.own(side).robot == "rsi"
         }
-
-
-def _told_of_tool(run: Run, scenario: Scenario, side: Side) -> str:
-    """Return what a controller needs to take the tool's weight off a reading."""
-    mass_kg, centre_m = believed_tool(scenario, run.cell.simulation.model, side)
-    centre = ", ".join(f"{value:.6f}" for value in centre_m)
-    age_s = max(scenario.sensor.latency_steps(scenario.step_s), 1) * scenario.step_s
-    return (
-        f"{side} tool: {mass_kg:.6f} kg, centre at ({centre}) m in the sensor's axes; grip centre "
-        f"at x = {scenario.sensor.lever_arm_m:g} m; a reading is {1e3 * age_s:.4g} ms old"
-    )
 
 
 def _or(given: int | None, otherwise: int) -> int:

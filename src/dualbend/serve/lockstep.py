@@ -29,6 +29,9 @@ class LockStep:
     In each cycle the sensors publish, then the robots ask, then all wait for the answers. What a
     robot does not ask for any more, because its arm has stopped, or never, because it has no port,
     is a deviation of 0.
+
+    ``client_ended`` says of a client that was started here how it has ended, "" while it runs;
+    ``failure``, after the run, why nobody answered any more, where that ended it.
     """
 
     def __init__(
@@ -43,10 +46,12 @@ class LockStep:
         self._ports: tuple[Port, ...] = (*robots, *sensors)
         self._deviation = np.zeros((len(SIDES), 6))
         self._cycle, self._wait_s = 0, config.wait_s
+        self.client_ended: Callable[[], str] = str
+        self.failure = ""
 
     def run(self, on_cycle: Callable[[int], None] | None = None) -> RunRecord:
         """Simulate the motion to its end, whatever ends it."""
-        self._run.outside = "dualbend serve"
+        self._run.outside, self._run.records_all_axes = "dualbend serve", True
         walk = self._run.walk(on_cycle)
         with warnings_counted_only(), selectors.DefaultSelector() as self._selector:
             for port in self._ports:
@@ -65,6 +70,7 @@ class LockStep:
         try:
             deviation = self._answered(observed)
         except (ProtectiveStop, TaskStopped, KeyboardInterrupt) as end:
+            self.failure = str(end) if isinstance(end, TaskStopped) else ""
             return walk.throw(end)
         finally:
             self._cycle += 1
@@ -136,10 +142,12 @@ class LockStep:
                 sides = " and ".join(robot.side for robot in late)
                 raise TaskStopped(
                     f"no answer from the controller of the {sides} arm in cycle {self._cycle} "
-                    f"for {self._wait_s:g} s"
+                    f"for {self._wait_s:g} s (serve.{'timeout_s' if self._cycle else 'wait_s'})"
                 )
             if now >= again_at:
                 again_at = now + _REFUSED_S
+                if _silent(asked) and (ended := self.client_ended()):
+                    raise TaskStopped(f"{ended}, in cycle {self._cycle}")
                 for robot in silent:
                     if robot.refused:
                         robot.again()

@@ -39,7 +39,7 @@ def refuse_contradictions(
 
     Raises InputError with file and field: a column, its row and value; a key and its value.
     """
-    groups = columns_of(run.scenario)
+    groups = columns_of(run.scenario, all_axes="left_deviation_y" in run.trace)
     with refusing(str(trace)):
         _refuse_another_run(run, about, finished=summary is not None)
         _refuse_columns(run, [column for group in groups.values() for column in group])
@@ -54,8 +54,11 @@ def refuse_contradictions(
             _refuse_shapes(run)
 
 
-def columns_of(scenario: Scenario) -> dict[str, list[tuple[str, str]]]:
-    """Return names and units of the columns that a run of a scenario records, by their origin."""
+def columns_of(scenario: Scenario, *, all_axes: bool = False) -> dict[str, list[tuple[str, str]]]:
+    """Return names and units of the columns that a run of a scenario records, by their origin.
+
+    ``all_axes``: commands from outside, which may deviate in all six.
+    """
     joints = {
         f"{side}_{joint}": slides
         for side in SIDES
@@ -68,7 +71,7 @@ def columns_of(scenario: Scenario) -> dict[str, list[tuple[str, str]]]:
         task_of(scenario).part("columns")(scenario),
         link=scenario.imperfections.link.errs,
         slips=scenario.grasp.friction is not None,
-        in_space=scenario.compliance.in_space,
+        in_space=scenario.compliance.in_space or all_axes,
     )
 
 
