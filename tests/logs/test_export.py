@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from dualbend import load_scenario, make_run
 from dualbend.logs.export import grip_poses, nominal_poses
 from dualbend.run.record import RunRecord
-from dualbend.scene.simulation import BENDING_TO_WORLD, Observation
+from dualbend.scene.observation import BENDING_TO_WORLD, Observation
 from dualbend.types import SIDES
 from support.short_bend import SHORT
 

@@ -12,7 +12,8 @@ import pytest
 
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
-from dualbend.scene.simulation import Observation, Simulation
+from dualbend.scene.observation import Observation
+from dualbend.scene.simulation import Simulation
 from dualbend.study.robustness.figure import misalignment_bins, plot_success
 from dualbend.study.robustness.run import SCENARIO, run_study
 from dualbend.study.robustness.summary import command, success_interval, summarise, table

@@ -11,7 +11,8 @@ from dualbend.cli import main
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
-from dualbend.scene.simulation import Observation, Simulation
+from dualbend.scene.observation import Observation
+from dualbend.scene.simulation import Simulation
 from dualbend.study.ending import metrics_of
 from dualbend.study.engine import Lost, Place
 from dualbend.study.folder import RUNS

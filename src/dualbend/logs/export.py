@@ -13,7 +13,7 @@ from dualbend.errors import InputError, writing
 from dualbend.files import whole_file
 from dualbend.logs import messages
 from dualbend.run.record import RunRecord
-from dualbend.scene.simulation import BENDING_TO_WORLD
+from dualbend.scene.observation import BENDING_TO_WORLD
 from dualbend.types import SIDES, Side, Vector
 
 DEVIATION_TOPIC, SCENARIO_FILE = "/deviation", "scenario.toml"

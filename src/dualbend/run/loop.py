@@ -23,13 +23,8 @@ from dualbend.control.force_torque import WrenchReading
 from dualbend.control.guard import ProtectiveStop
 from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError, shortened
-from dualbend.run.cell import (
-    RobotCell,
-    make_guard,
-    make_link,
-    make_sensor_guard,
-    make_sensors,
-)
+from dualbend.run import cell as parts
+from dualbend.run.cell import RobotCell
 from dualbend.run.identity import RunIdentity
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.outcome import TaskStopped
@@ -117,7 +112,7 @@ class Run:
         Filters, delays and noise streams have a memory and are made again for each run.
         """
         simulation = self.cell.simulation
-        self.sensors = make_sensors(self.scenario, simulation.model)
+        self.sensors = parts.make_sensors(self.scenario, simulation.model)
         robot = self.scenario.robot
         self.path = ControlledPath(
             self.controller(),
@@ -125,9 +120,9 @@ class Run:
             mode=robot.alter.mode,
         )
         self.trace = self.recorder(self.cycles + self.scenario.after_stop_cycles)
-        self.link = make_link(self.scenario, self.cell)
-        self._guard = make_guard(self.scenario, self.cell)
-        self._sensor_guard = make_sensor_guard(self.scenario, self.sensors)
+        self.link = parts.make_link(self.scenario, self.cell)
+        self._guard = parts.make_guard(self.scenario, self.cell)
+        self._sensor_guard = parts.make_sensor_guard(self.scenario, self.sensors)
         self.stopped: set[Side] = set()
         self.steered = False
         self._on_cycle = on_cycle
