@@ -15,6 +15,7 @@ from dualbend.control.clock import COMMAND_PERIOD_S
 from dualbend.control.compliance.admittance import Admittance
 from dualbend.control.compliance.pair import PairCompliance
 from dualbend.errors import InputError
+from dualbend.run.make import make_run
 from dualbend.run.record import Metric, RunRecord
 from dualbend.scenario.scenario import Scenario
 from dualbend.task.bending import metrics as bending_metrics
@@ -52,14 +53,14 @@ def columns(run: BendingRun) -> Vector:
 def test_a_compliance_that_does_nothing_makes_the_run_without_one() -> None:
     # Golden to the bit: the same commands.
     np.testing.assert_array_equal(
-        columns(BendingRun(short(STRIP8), compliance=Still)),
+        columns(make_run(short(STRIP8), compliance=Still)),
         columns(BendingRun(short(STRIP8, "compliance.x=none", "compliance.rotation=none"))),
     )
 
 
 def test_the_papers_compliance_brought_along_is_the_scenarios() -> None:
     settings = ("compliance.x.from_alpha_rad=0.05",)
-    own = columns(BendingRun(short(STRIP8, *settings), compliance=papers_own))
+    own = columns(make_run(short(STRIP8, *settings), compliance=papers_own))
     np.testing.assert_array_equal(own, columns(BendingRun(short(STRIP8, *settings))))
     assert np.abs(own[:, 1]).max() > 1e-5
 
@@ -83,7 +84,7 @@ def test_a_controller_is_told_what_the_trace_records() -> None:
         made.append(Listener(scenario))
         return made[-1]
 
-    run = BendingRun(short(STRIP8, 'compliance.sensing=["left","right"]'), compliance=make)
+    run = make_run(short(STRIP8, 'compliance.sensing=["left","right"]'), compliance=make)
     result = run.run()
     trace, told = result.trace, made[0].told
     assert len(made) == 1
@@ -115,7 +116,7 @@ def test_a_controller_is_told_what_the_trace_records() -> None:
 
 
 def test_a_run_says_whose_compliance_it_had(tmp_path: Path) -> None:
-    result = BendingRun(short(), compliance=Still).run()
+    result = make_run(short(), compliance=Still).run()
     assert result.controller.endswith("test_own_parts.Still")
     assert write_results(result, tmp_path, record=False) == []
     assert load_run(tmp_path).summary.controller == result.controller

@@ -255,8 +255,8 @@ def test_a_full_disk_ends_the_log_until_there_is_room(
             raise OSError(28, "No space left on device")
         os.write(file.fileno(), data)  # type: ignore[attr-defined]
 
-    monkeypatch.setattr("dualbend.run.trace.write_all", failing)
-    monkeypatch.setattr("dualbend.run.trace.TraceStream._BATCH_ROWS", 5)
+    monkeypatch.setattr("dualbend.run.disk.stream.write_all", failing)
+    monkeypatch.setattr("dualbend.run.disk.stream.TraceStream._BATCH_ROWS", 5)
     with RunFolder(tmp_path).log(run) as keep:
         result = run.run(lambda _: keep())
     kept = Trace.of_table(read_trace(tmp_path / "unfinished" / "trace.arrow"))

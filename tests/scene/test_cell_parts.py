@@ -14,7 +14,7 @@ from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.cell import PAD_SITE, compose_cell, robots_only, without_looks
 from dualbend.scene.contacts import FLOOR
-from dualbend.scene.observation import PLANAR
+from dualbend.scene.observation import PLANAR, grip_poses
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END, StripConfig
 from dualbend.scene.simulation import Simulation
 from dualbend.task.assembly.config import assembly_of
@@ -239,7 +239,7 @@ def test_how_an_edge_lies_to_its_grip_is_told_as_it_was_displaced() -> None:
     ).cell.simulation
     data = simulation.data
     errors = np.array([[3e-4, 2e-3, 1e-4, 0.3, 0.4, -0.2], [2e-4, -1e-3, -3e-4, -0.1, 0.15, 0.25]])
-    for i, (grip, edge) in enumerate(simulation._ends.T):
+    for i, (grip, edge) in enumerate(simulation.observer._ends.T):
         axes = Rotation.from_rotvec([0.2, 0.3 + i, -0.4])
         data.site_xmat[grip] = axes.as_matrix().ravel()
         data.site_xpos[edge] = data.site_xpos[grip] + axes.apply(errors[i, :3])
@@ -264,13 +264,14 @@ def test_roll_and_yaw_are_those_of_each_arms_bending_frame() -> None:
         for i in range(2):
             frame = Rotation.from_euler("z", math.pi * i)
             axes = (frame * Rotation.from_euler("ZYX", turns[what, i])).as_matrix()
-            data.site_xmat[simulation._ends[what, i]] = axes.ravel()
+            data.site_xmat[simulation.observer._ends[what, i]] = axes.ravel()
     seen = simulation.observer.roll_and_yaw(simulation.data)
     # Analytic: R_z(yaw) R_y(pitch) R_x(roll) in each arm's own frame.
     np.testing.assert_allclose(seen[..., 0], turns[..., 2], atol=1e-12)
     np.testing.assert_allclose(seen[..., 1], turns[..., 0], atol=1e-12)
     # The end slope that is observed: tan α cos(yaw) = tan(pitch).
-    slope = simulation._planar()[..., 3]
+    ends = simulation.observer._ends
+    slope = grip_poses(data.site_xpos[ends], data.site_xmat[ends])[..., 3]
     np.testing.assert_allclose(
         np.tan(slope) * np.cos(turns[..., 0]), np.tan(turns[..., 1]), atol=1e-12
     )

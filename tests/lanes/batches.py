@@ -1,0 +1,103 @@
+"""Random bending runs in batches against the same runs alone: ``python tests/lanes/batches.py``.
+
+Every run has its own scenario, seed, sheet, gains, delay, speed, imperfections and arm. All columns
+of its trace but that of the clock on the wall are compared, bit for bit, with its end. Says how
+many are the same and how many were in a batch; exit code 1 where one is not the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+import numpy as np
+
+from dualbend.batch.group import grouped
+from dualbend.batch.many import run_many
+from dualbend.errors import InputError
+from dualbend.run.loop import Run
+from dualbend.run.make import make_run
+from dualbend.run.record import RunRecord
+from dualbend.run.trace import WALL_CLOCK_COLUMNS
+from dualbend.scenario.load import load_scenario
+
+SCENARIOS = ("fig6", "fig8", "fig9", "exact", "tuned", "tuned-exact")
+ARMS = ("puma560", "puma560", "ur5", "ur10")
+AT_ONCE = 16
+
+
+def drawn(rng: np.random.Generator) -> tuple[str, tuple[str, ...]]:
+    """Return a scenario and its settings."""
+    name = str(rng.choice(SCENARIOS))
+    settings = [
+        f"imperfections={rng.choice(['none', 'typical'])}",
+        f"sheet.thickness_m={0.0008 * rng.uniform(0.8, 1.2):.7f}",
+        f"sheet.length_m={0.8 * rng.uniform(0.9, 1.1):.6f}",
+        f"motion.speed_rad_per_s={rng.uniform(0.3, 0.8):.4f}",
+        f"robot.alter.delay_cycles={rng.integers(0, 4)}",
+        f"robot.model={rng.choice(ARMS)}",
+        "motion.hold_s=0.2",
+    ]
+    if name in ("fig8", "fig9"):
+        settings.append(f"compliance.rotation.b={rng.uniform(0.1, 1.0):.5f}")
+    return name, tuple(settings)
+
+
+def made(name: str, settings: tuple[str, ...], seed: int) -> Run | None:
+    """Return the run, None of one that is refused."""
+    try:
+        return make_run(load_scenario(name, settings, seed=seed))
+    except InputError:
+        return None
+
+
+def same(found: RunRecord, alone: RunRecord) -> bool:
+    """Compare ends and traces."""
+    names = [name for name, _ in alone.trace.columns if name not in WALL_CLOCK_COLUMNS]
+    return (found.outcome, found.reason, found.trace.columns) == (
+        alone.outcome,
+        alone.reason,
+        alone.trace.columns,
+    ) and all(np.array_equal(found.trace[n], alone.trace[n], equal_nan=True) for n in names)
+
+
+def main() -> int:
+    """Compare so many runs."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
+    equal = together = 0
+    other: list[str] = []
+    ends: dict[str, int] = {}
+    done = 0
+    while done < arguments.count:
+        cases = []
+        while len(cases) < min(AT_ONCE, arguments.count - done):
+            name, settings = drawn(rng)
+            seed = int(rng.integers(2**31))
+            run = made(name, settings, seed)
+            if run is not None:
+                cases.append((name, settings, seed, run))
+        runs = [run for *_, run in cases]
+        together += sum(len(group) for group in grouped(runs, AT_ONCE) if len(group) > 1)
+        records = dict(run_many(runs))
+        for i, (name, settings, seed, _) in enumerate(cases):
+            alone = made(name, settings, seed)
+            assert alone is not None
+            record = alone.run()
+            ends[record.outcome] = ends.get(record.outcome, 0) + 1
+            if same(records[i], record):
+                equal += 1
+            else:
+                other.append(f"{name} --seed {seed} {' '.join(f'--set {s}' for s in settings)}")
+        done += len(cases)
+        print(f"{equal} of {done} the same, {together} of them in a batch; {ends}", flush=True)
+    for line in other:
+        print(f"other: {line}")
+    return bool(other)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
