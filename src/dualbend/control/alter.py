@@ -70,14 +70,11 @@ def turn(angles: Vector) -> Vector:
 def angles_of(rotation: Vector) -> Vector:
     """Return roll, pitch, yaw (..., 3) [rad] of R (..., 3, 3): :func:`turn` the other way round."""
     r = rotation
-    return np.stack(
-        (
-            np.arcsin(np.clip(r[..., 2, 1], -1.0, 1.0)),
-            np.arctan2(-r[..., 2, 0], r[..., 2, 2]),
-            np.arctan2(-r[..., 0, 1], r[..., 1, 1]),
-        ),
-        axis=-1,
-    )
+    angles = np.empty(r.shape[:-1])
+    np.arcsin(np.minimum(np.maximum(r[..., 2, 1], -1.0), 1.0), out=angles[..., 0])
+    np.arctan2(-r[..., 2, 0], r[..., 2, 2], out=angles[..., 1])
+    np.arctan2(-r[..., 0, 1], r[..., 1, 1], out=angles[..., 2])
+    return angles
 
 
 def conjugated(angles: Vector, slope_rad: Reals) -> Vector:

@@ -38,7 +38,7 @@ class Brakes:
 
         Once a cycle; ``reference`` is what the commands ask for.
         """
-        if not self.stopped.any():
+        if not np.count_nonzero(self.stopped):
             return reference
         passed = np.minimum((self._since_s + self._times_s) / self._time_s, 1.0)
         self._since_s += self._period_s
@@ -60,7 +60,7 @@ class Brakes:
 
         ``commanded`` (n,): that of the joints that follow their commands.
         """
-        if not self.stopped.any():
+        if not np.count_nonzero(self.stopped):
             return commanded
         passed = np.minimum(self._since_s / self._time_s, 1.0)
         return np.where(self.stopped, self._slowed(passed), commanded)

@@ -184,7 +184,8 @@ class ControlledPath:
             raise ControllerFailed(f"its deviation is of shape {deviation.shape}, not {shape}")
         if not np.isfinite(deviation).all():
             raise ControllerFailed(f"its deviation is not finite: {deviation.tolist()}")
-        arms = enumerate(self._delays)
-        late = np.stack([delay.update(deviation[..., i, :]) for i, delay in arms], axis=-2)
+        late = np.empty(shape)
+        for i, delay in enumerate(self._delays):
+            late[..., i, :] = delay.update(deviation[..., i, :])
         pose, aside = self._modification.compose(observation.nominal, late)
         return Command(deviation=deviation, pose=pose, aside=aside, saturated=saturated)

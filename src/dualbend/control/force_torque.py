@@ -277,7 +277,7 @@ class WrenchChain(Stackable):
         ``new``: it is another sample than the last one.
         """
         reading, clipped = self.sensor.read(wrench) if new else (self._last, self._clipped)
-        changed = np.any(reading != self._last, axis=-1) | self.sensor.may_repeat
+        changed = (reading != self._last).any(axis=-1) | self.sensor.may_repeat
         self._last, self._clipped = reading, clipped
         grips = np.empty((2, *reading.shape))
         grips[0] = matvec(self._to_grip, reading - self.tool.wrench(rotation_world_sensor))

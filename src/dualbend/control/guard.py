@@ -102,8 +102,12 @@ class Guard:
         Mask
             (4, ..., n): by following error, speed, cycles in a row at the torque limit, range.
         """
-        self._cycles_at_limit += 1
-        self._cycles_at_limit *= np.abs(torque) >= self._torque_limit
+        at_limit = np.abs(torque) >= self._torque_limit
+        if np.count_nonzero(at_limit):
+            self._cycles_at_limit += 1
+            self._cycles_at_limit *= at_limit
+        else:
+            self._cycles_at_limit.fill(0)
         outside = np.empty((4, *q.shape), dtype=np.bool_)
         np.greater(np.abs(q - reference), self._following, out=outside[0])
         np.greater(np.abs(speed), self._speed_limit, out=outside[1])

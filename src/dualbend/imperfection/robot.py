@@ -188,7 +188,8 @@ class Stribeck:
         self._coulomb, self._excess = self._level.copy(), np.zeros_like(self._level)
         mine = dofs - span.start
         self._excess[mine] = config.stiction_excess * self._coulomb[mine]
-        self._exponent: Vector = np.full(1, -1.0 / config.stribeck_speed_rad_per_s**2)
+        exponent = -1.0 / config.stribeck_speed_rad_per_s**2
+        self._exponent = np.full(self._level.shape, exponent)
 
     @classmethod
     def stacked(cls, many: Sequence[Stribeck], levels: Vector, speeds: Vector) -> Stribeck:
@@ -204,8 +205,8 @@ class Stribeck:
     def on_step(self) -> None:
         """Follow the speeds after a physics step."""
         level, speed = self._level, self._speed
-        np.multiply(speed, speed, out=level)
-        level *= self._exponent
-        np.exp(level, out=level)
-        level *= self._excess
-        level += self._coulomb
+        np.multiply(speed, speed, level)
+        np.multiply(level, self._exponent, level)
+        np.exp(level, level)
+        np.multiply(level, self._excess, level)
+        np.add(level, self._coulomb, level)

@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dualbend.errors import InputError
 from dualbend.evaluation.metrics import versions
 from dualbend.imperfection.config import ImperfectionsConfig
 from dualbend.recording.write import write_recording
@@ -30,41 +31,47 @@ def benchmark(scenario: Scenario, repetitions: int) -> dict[str, str | float]:
     """Run a scenario several times, in turn with bare physics, recording and the perfect cell.
 
     ``realtime_factor``: simulated time over wall time of the loop, recording off, the median of the
-    repetitions; ``realtime_factor_best``: the largest. All else goes by the least times of the
-    repetitions, since what else a machine does only adds to them. ``cycle_us``: processor time of a
-    command cycle of the loop [µs]. ``over_mj_step``: that over the time of the cycle's physics
-    steps alone, bare ``mj_step`` calls over the same trajectory; ``over_mj_step_at_rest``: over
-    that of as many calls in the last state, where less moves. ``replayed``: part of the cycles
-    after which the bare steps are where the run was, within 1 nm and 1 nrad. ``over_perfect_cell``:
-    the loop's time over that without imperfections and, in a task in which nothing is to touch,
-    without collision detection. ``recording_share``: time to write the recording over wall time of
-    the loop.
+    repetitions; ``realtime_factor_best``: the largest. What follows goes by processor time, for
+    each cycle the least of the repetitions, since what else a machine does only adds to it.
+    ``cycle_us``: a command cycle of the loop [µs], the mean. ``over_mj_step``: that over the
+    cycle's physics steps alone, bare ``mj_step`` calls over the same trajectory;
+    ``over_mj_step_at_rest``: over as many calls in the last state, where less moves. ``replayed``:
+    part of the cycles after which the bare steps are where the run was, within 1 nm and 1 nrad.
+    ``over_perfect_cell``: the loop over that without imperfections and, in a task in which nothing
+    is to touch, without collision detection. ``recording_share``: time to write the recording over
+    wall time of the loop.
+
+    Raises
+    ------
+    InputError
+        The run ends in its first two cycles.
     """
     replay = _Replay(make_run(scenario))
-    factors, times = [], []
+    factors, shares, times = [], [], []
     for _ in range(repetitions):
         run = make_run(scenario)
-        result, cycle_s = _timed(run)
+        result, loop_s = _timed(run)
         with tempfile.TemporaryDirectory() as folder:
             started = time.perf_counter()
             write_recording(result, Path(folder) / "run.rrd")
-            recorded_s = time.perf_counter() - started
+            shares.append((time.perf_counter() - started) / result.wall_time_s)
         factors.append(result.simulated_s / result.wall_time_s)
-        at_rest_s = _at_rest_s(run, result.trace.rows)
         perfect_s = _timed(_perfect_cell(scenario))[1]
-        times.append((cycle_s, replay.cycle_s(), at_rest_s, perfect_s, recorded_s))
-    cycle_s, bare_s, at_rest_s, perfect_s, recorded_s = np.min(times, axis=0).tolist()
+        times.append((loop_s, *replay.times_s(), _at_rest_s(run, len(loop_s)), perfect_s))
+    loop, bare, writing, at_rest, perfect = (
+        float(np.min(of_cycles, axis=0).mean()) for of_cycles in zip(*times, strict=True)
+    )
     return {
         "scenario": scenario.name,
         "repetitions": repetitions,
         "realtime_factor": statistics.median(factors),
         "realtime_factor_best": max(factors),
-        "cycle_us": 1e6 * cycle_s,
-        "over_mj_step": cycle_s / bare_s,
-        "over_mj_step_at_rest": cycle_s / at_rest_s,
+        "cycle_us": 1e6 * loop,
+        "over_mj_step": loop / (bare - writing),
+        "over_mj_step_at_rest": loop / at_rest,
         "replayed": replay.share,
-        "over_perfect_cell": cycle_s / perfect_s,
-        "recording_share": recorded_s * max(factors) / result.simulated_s,
+        "over_perfect_cell": loop / perfect,
+        "recording_share": min(shares),
         **machine(),
     }
 
@@ -81,11 +88,16 @@ def machine() -> dict[str, str]:
     return {"processor": model, "cores": str(cores), "versions": named}
 
 
-def _timed(run: Run) -> tuple[RunRecord, float]:
-    """Run to the end; return also the processor time of a cycle, of all after the first [s]."""
+def _timed(run: Run) -> tuple[RunRecord, Vector]:
+    """Run to the end; return also the processor time of each cycle after the first [s]."""
     stamps: list[float] = []
     result = run.run(lambda _: stamps.append(time.process_time()))
-    return result, (stamps[-1] - stamps[0]) / max(len(stamps) - 1, 1)
+    if len(stamps) < 2:
+        raise InputError(
+            f"scenario {run.scenario.name!r}: {result.outcome} after {len(stamps)} cycles "
+            f"({result.reason}): too short to be measured"
+        )
+    return result, np.diff(stamps)
 
 
 def _perfect_cell(scenario: Scenario) -> Run:
@@ -97,12 +109,13 @@ def _perfect_cell(scenario: Scenario) -> Run:
     return run
 
 
-def _at_rest_s(run: Run, cycles: int) -> float:
-    """Return the processor time of a cycle's physics steps in the run's last state [s]."""
-    simulation = run.cell.simulation
-    started = time.process_time()
-    mujoco.mj_step(simulation.model, simulation.data, nstep=cycles * simulation.steps)
-    return (time.process_time() - started) / cycles
+def _at_rest_s(run: Run, cycles: int) -> Vector:
+    """Return the processor times of cycles of physics steps in the run's last state [s]."""
+    simulation, stamps = run.cell.simulation, [time.process_time()]
+    for _ in range(cycles):
+        mujoco.mj_step(simulation.model, simulation.data, nstep=simulation.steps)
+        stamps.append(time.process_time())
+    return np.diff(stamps)
 
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -142,20 +155,20 @@ class _Replay:
         self._states.append(state)
         self._steps.append([])
 
-    def cycle_s(self) -> float:
-        """Return the processor time of the steps of a cycle, of all after the first [s]."""
-        used_s, same = self._pass(mujoco.mj_step)
-        # Writing states and controls is no part of the physics.
-        writing_s, _ = self._pass(lambda _, __: None)
-        cycles = max(len(self._states) - 1, 1)
-        self.share = same / cycles
-        return (used_s - writing_s) / cycles
+    def times_s(self) -> tuple[Vector, Vector]:
+        """Return the processor time of each cycle after the first [s], with its steps and without.
 
-    def _pass(self, step: Callable[[mujoco.MjModel, mujoco.MjData], None]) -> tuple[float, int]:
-        """Return processor time [s] and how many cycles end where the run's did."""
+        Writing states and controls, which is left without them, is no part of the physics.
+        """
+        used_s, same = self._pass(mujoco.mj_step)
+        self.share = same / max(len(used_s), 1)
+        return used_s, self._pass(lambda _, __: None)[0]
+
+    def _pass(self, step: Callable[[mujoco.MjModel, mujoco.MjData], None]) -> tuple[Vector, int]:
+        """Return processor times [s] and how many cycles end where the run's did."""
         model, data, timestep_s = self._model, self._data, self._model.opt.timestep
         ctrl, place = data.ctrl, slice(1, 1 + model.nq)
-        same, started = 0, time.process_time()
+        same, stamps = 0, [time.process_time()]
         for steps, state, end in zip(self._steps[1:], self._states, self._states[1:], strict=False):
             mujoco.mj_setState(model, data, state, _STATE)
             for setpoints, part_s, edits in steps:
@@ -164,6 +177,6 @@ class _Replay:
                     values[:] = edit
                 step(model, data)
             same += bool((np.abs(data.qpos - end[place]) < _SAME).all())
-        used_s = time.process_time() - started
+            stamps.append(time.process_time())
         model.opt.timestep = timestep_s
-        return used_s, same
+        return np.diff(stamps), same
