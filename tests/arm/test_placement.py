@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dualbend.arm.catalog import ArmName
+from dualbend.arm.catalog import PACKAGE, ArmName, package_folder
 from dualbend.arm.joint_limits import joint_limit_margins
 from dualbend.arm.mjcf import GRIP_SITE
 from dualbend.arm.model import arm_model
@@ -16,6 +16,7 @@ from dualbend.arm.placement import MIN_MARGIN_RAD, find_placement
 from dualbend.errors import InputError
 from dualbend.run.arms import arm_pair, path_targets, with_placements
 from dualbend.scenario.load import load_scenario
+from dualbend.scenario.scenario import Scenario
 from dualbend.scene.arm_compliance import ArmCompliance
 from dualbend.scene.cell import robots_only
 from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD, InverseKinematics, grip_targets
@@ -38,12 +39,15 @@ def pair(*names: ArmName) -> ArmPair:
 @cache
 def walked(*names: ArmName) -> Array:
     """Return joint angles along the nominal path, by the inverse kinematics of the runs."""
-    arms = pair(*names)
+    return walk(pair(*names), SCENARIO)
+
+
+def walk(arms: ArmPair, scenario: Scenario) -> Array:
     solver = InverseKinematics(robots_only(arms).compile(), arms.home)
-    path, q, rows = SCENARIO.path.make(SCENARIO.sheet.length_m), arms.home, []
+    path, q, rows = scenario.path.make(scenario.sheet.length_m), arms.home, []
     for alpha in np.linspace(0.0, 1.0, 21).tolist():
         half, rise = path.at(alpha)
-        pose = np.array([-half, SCENARIO.cell.sheet_height_m + rise, alpha])
+        pose = np.array([-half, scenario.cell.sheet_height_m + rise, alpha])
         solution = solver.solve_from_home(grip_targets(np.array([pose, pose])), q)
         assert solution.position_residual_m <= TOLERANCE_M
         assert solution.rotation_residual_rad <= TOLERANCE_RAD
@@ -156,7 +160,7 @@ def test_another_arm_takes_the_place_of_the_one_before_back() -> None:
 
 def test_an_arm_that_is_too_short_is_refused_with_the_number() -> None:
     with pytest.raises(InputError, match=r"'ur3' \(reach 0.5 m\).*misses one by \d+ mm"):
-        arm_pair(load_scenario(STRIP6, ["robot.model=ur3", "sheet.length_m=1.6"]))
+        arm_pair(load_scenario(STRIP6, ["robot.model=ur3", "sheet.length_m=3.0"]))
 
 
 def test_an_arm_whose_joints_do_not_turn_that_far_is_refused() -> None:
@@ -189,3 +193,64 @@ def test_a_bent_end_far_from_home_is_followed_to() -> None:
         slowly.move(at(alpha))
     # Limited by the inverse kinematics: 1e-7 m and rad.
     np.testing.assert_allclose(at_once.compliance, slowly.compliance, rtol=1e-5)
+
+
+SLOW = pytest.mark.slow
+TORSOS = {
+    "tiago_description/robots/tiago_dual.urdf": ("torso_lift_link", "arm_left_tool_link"),
+    "tiago_description/robots/tiago_no_hand.urdf": ("torso_lift_link", "arm_tool_link"),
+    "pr2_description/urdf/pr2.urdf": ("torso_lift_link", "l_gripper_tool_frame"),
+    "talos_data/robots/talos_reduced.urdf": ("torso_2_link", "gripper_left_base_link"),
+}
+
+
+@pytest.mark.parametrize(
+    "name", [next(iter(TORSOS)), *(pytest.param(n, marks=SLOW) for n in list(TORSOS)[1:])]
+)
+def test_an_arm_that_leaves_its_torso_aside_has_a_place_between_those_of_the_grid(
+    name: str,
+) -> None:
+    base, flange = TORSOS[name]
+    file = str(package_folder(PACKAGE) / "robots" / name)
+    robot = {"model": file, "arm": {"base": base, "flange": flange}}
+    scenario = load_scenario("fig6", {"robot": robot, "imperfections": "none"})
+    arms = arm_pair(scenario)
+    for margins in joint_limit_margins(arms, walk(arms, scenario)).values():
+        assert margins.margin_deg is not None
+        assert margins.margin_deg >= np.degrees(MIN_MARGIN_RAD)
+
+
+def test_the_z1_is_refused_since_its_three_pitch_joints_lack_nine_degrees() -> None:
+    """In the plane of its arm, by the closed form of two links and a hand on a grid of bases."""
+    z1 = str(package_folder(PACKAGE) / "robots/z1_description/urdf/z1.urdf")
+    scenario = load_scenario("fig6", [f"robot.model={z1}"])
+    poses = path_targets(scenario)
+    # Of the file: shoulder above the base, upper arm, forearm and hand at q = 0, x and z.
+    shoulder, upper = np.array([0.0, 0.1035]), np.array([-0.35, 0.0])
+    forearm, hand = np.array([0.218, 0.057]), np.array([0.3231, 0.0])
+    low, high = np.array([[0.0, -2.8798, -1.5184], [2.9671, 0.0, 1.5184]])
+    x, z = np.meshgrid(np.arange(-1.2, 0.1, 0.01), np.arange(0.0, 1.5, 0.01), indexing="ij")
+    best = -np.inf
+    for elbow in (1.0, -1.0):
+        margin = np.full(x.shape, np.inf)
+        for pose in poses:
+            alpha = np.arccos(pose[0, 0])
+            turn = pose[np.ix_([0, 2], [0, 2])]
+            wrist = pose[[0, 2], 3] - turn @ hand
+            way = wrist[:, None, None] - (np.stack((x, z)) + shoulder[:, None, None])
+            a, b = np.hypot(*upper), np.hypot(*forearm)
+            cosine = (way[0] ** 2 + way[1] ** 2 - a**2 - b**2) / (2.0 * a * b)
+            bent = elbow * np.arccos(np.where(np.abs(cosine) <= 1.0, cosine, np.nan))
+            aside = np.arctan2(b * np.sin(bent), a + b * np.cos(bent))
+            # A turn about y lowers a slope in the plane of x and z.
+            q2 = np.arctan2(upper[1], upper[0]) - np.arctan2(way[1], way[0]) + aside
+            q3 = np.arctan2(forearm[1], forearm[0]) - np.arctan2(upper[1], upper[0]) - bent
+            q = np.stack((q2, q3, alpha - q2 - q3), axis=-1)
+            q = (q + np.pi) % (2.0 * np.pi) - np.pi
+            one = np.minimum(q - low, high - q).min(axis=-1)
+            margin = np.minimum(margin, np.where(np.isnan(one), -np.inf, one))
+        best = max(best, float(margin.max()))
+    # Discretisation-limited: a grid of 10 mm, a quarter of a degree.
+    assert np.degrees(best) == pytest.approx(-8.8, abs=0.5)
+    with pytest.raises(InputError, match="no base reaches all poses of the path"):
+        arm_pair(scenario)

@@ -139,3 +139,10 @@ def test_lists_that_are_no_layout_are_refused_by_key(
 ) -> None:
     with pytest.raises(InputError, match=words):
         plan_assembly(STRIP, holes(middle, outer), PINS)
+
+
+def test_middle_holes_hang_as_unevenly_as_they_are_far_from_the_middle() -> None:
+    found = plan_assembly(STRIP, holes(((0.0, 0.0), (-0.05, 0.0)), OUTER), PINS)
+    # Analytic: the height of the farther one, and none between two mirrored ones.
+    assert found.uneven_m(0.18) == pytest.approx(found.shape(0.18).at(0.05).z_m, abs=1e-9)
+    assert plan_assembly(STRIP, HolesConfig(), PINS).uneven_m(0.18) == 0.0

@@ -78,9 +78,16 @@ class SerialChain:
         return np.concatenate((velocity, axes), axis=2).transpose(0, 2, 1)
 
     def solve(
-        self, rotation: Vector, place: Vector, q: Vector, posture: Vector | None, iterations: int
+        self,
+        rotation: Vector,
+        place: Vector | None,
+        q: Vector,
+        posture: Vector | None,
+        iterations: int,
     ) -> tuple[Vector, Vector]:
         """Move configurations (b, n) towards grip poses (b, 3, 3), (b, 3) in the base frame.
+
+        Without a place towards the rotation alone, wherever the grip then is.
 
         Damped least squares, kept within the ranges; with a posture (b, n) a redundant arm comes
         as near to it as the pose lets it. Returns q and the misses (b,), in lengths and rad.
@@ -92,7 +99,7 @@ class SerialChain:
             if solved and (posture is None or self.count <= 6):
                 break
             transposed = jacobian.transpose(0, 2, 1)
-            damping = _DAMPING * _miss(error)[:, None, None] * np.eye(6)
+            damping = _DAMPING * _miss(error)[:, None, None] * np.eye(jacobian.shape[1])
             inverse = transposed @ np.linalg.inv(jacobian @ transposed + damping)
             step = (inverse @ error[..., None])[..., 0]
             if posture is not None and self.count > 6:
@@ -105,7 +112,7 @@ class SerialChain:
             q = np.clip(q + step, low, high)
         return q, _miss(self._error(rotation, place, q)[0])
 
-    def _error(self, rotation: Vector, place: Vector, q: Vector) -> tuple[Vector, Vector]:
+    def _error(self, rotation: Vector, place: Vector | None, q: Vector) -> tuple[Vector, Vector]:
         found, grip, axes, points = self.forward(q)
         turn = rotation @ found.transpose(0, 2, 1)
         # The vector of a rotation from its skew part, well defined up to half a turn.
@@ -114,8 +121,10 @@ class SerialChain:
         cosine = 0.5 * (np.trace(turn, axis1=1, axis2=2) - 1.0)
         angle = np.arctan2(sine, cosine)
         ratio = np.divide(angle, sine, out=np.ones_like(angle), where=sine >= 1e-9)
-        error = np.concatenate(((place - grip) / self.length_m, skew * ratio[:, None]), axis=1)
-        return error, self.jacobian(grip, axes, points)
+        jacobian, turn_rad = self.jacobian(grip, axes, points), skew * ratio[:, None]
+        if place is None:
+            return turn_rad, jacobian[:, 3:]
+        return np.concatenate(((place - grip) / self.length_m, turn_rad), axis=1), jacobian
 
     @functools.cached_property
     def _crosses(self) -> Vector:

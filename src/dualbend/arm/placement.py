@@ -28,6 +28,7 @@ MIN_MARGIN_RAD: Final = np.radians(5.0)
 """Joint-limit margin that every joint must keep along the path."""
 
 _SEED, _SEEDS, _SEEDS_OF_ONE, _KEPT, _REFINED = 11, 12, 1800, 200, 2
+_SAMPLES = 6000
 _REACHED = 1e-5
 _DISTANCE = (0.25, 0.4, 0.5, 0.6, 0.7, 0.85)
 _LATERAL = (0.0, 0.12, -0.12, 0.25, -0.25)
@@ -96,6 +97,9 @@ class _Search:
         self, arm: ArmModel, targets: Vector, given: Mapping[str, Any], *, column: bool = False
     ) -> None:
         self._arm, self._targets, self._given = arm, targets, given
+        # A base that stands where it is told to, or a posture that is told, leaves none to draw.
+        told = any(key in given for key in (*_KEYS[:3], "home_rad"))
+        self._draws = not (told or column)
         self._chain = serial_chain(arm)
         self._low, self._high = self._chain.range_rad.T
         self._half = 0.5 * (self._high - self._low) / self._chain.scale
@@ -112,17 +116,23 @@ class _Search:
 
     def run(self) -> _Tried:
         """Return the best place; InputError where there is none."""
-        coarse = self._coarse()
-        good = np.flatnonzero(coarse.score > 0.0)
-        order = good[np.argsort(-coarse.score[good], kind="stable")]
-        free = (coarse[[i]] for i in order if not self._touches_itself(coarse[[i]]))
+        tried = [self._coarse()]
+        best = self._chosen(tried[0])
+        if best is None and self._draws:
+            tried.append(self._sampled())
+            best = self._chosen(tried[1])
+        if best is None:
+            raise InputError(self._refusal(min(tried, key=lambda one: float(one.miss.min()))))
+        return best
+
+    def _chosen(self, tried: _Tried) -> _Tried | None:
+        """Return the best of places that were tried, refined; None where none is allowed."""
+        good = np.flatnonzero(tried.score > 0.0)
+        order = good[np.argsort(-tried.score[good], kind="stable")]
+        free = (tried[[i]] for i in order if not self._touches_itself(tried[[i]]))
         found = [self._refined(start) for start in itertools.islice(free, _REFINED)]
         best = max(found, key=lambda one: float(one.score[0]), default=None)
-        if best is None or best.score[0] <= 0.0:
-            best = self._climbed(coarse)
-        if best is None:
-            raise InputError(self._refusal(coarse))
-        return best
+        return self._climbed(tried) if best is None or best.score[0] <= 0.0 else best
 
     def _climbed(self, coarse: _Tried) -> _Tried | None:
         """Return a place refined from one that lacks nothing but margin; None: there is none."""
@@ -174,13 +184,39 @@ class _Search:
         order = np.argsort(-worth, kind="stable")
         _, first = np.unique(np.hstack((every, q))[order].round(3), axis=0, return_index=True)
         kept = order[np.sort(first)][:_KEPT]
-        every, q = every[kept], q[kept]
+        return self._from_middle(every[kept], q[kept])
+
+    def _from_middle(self, base: Vector, q: Vector) -> _Tried:
+        """Follow configurations (b, n) of the path's middle to its start, and all along it."""
         # The same pose a whole turn nearer the middle of a wide range.
         turns = np.round((q - 0.5 * (self._low + self._high)) / (2.0 * np.pi))
         q = q - 2.0 * np.pi * np.where(self._chain.slides, 0.0, turns)
-        for target in range(middle, -1, -1):
-            q, _ = self._reach(every, target, q, None, 6)
-        return self._follow(every, q)
+        for target in range(len(self._targets) // 2, -1, -1):
+            q, _ = self._reach(base, target, q, None, 6)
+        return self._follow(base, q)
+
+    def _sampled(self) -> _Tried:
+        """Return places found from postures, followed along the path.
+
+        A long chain, or one that leaves its base aside, has few places, and they are between those
+        of the grid. So a posture is drawn, the grip turned as in the middle of the path, and the
+        base put where the grip then is in its place.
+        """
+        rng, pose = np.random.default_rng(_SEED), self._targets[len(self._targets) // 2]
+        q = rng.uniform(self._low, self._high, (_SAMPLES, self._chain.count))
+        base = np.zeros((_SAMPLES, len(_KEYS)))
+        base[:, 3] = (
+            self._given.get(_YAW, 0.0) if self._fixed[3] else rng.uniform(-np.pi, np.pi, _SAMPLES)
+        )
+        back = self._back(base)
+        q, miss = self._chain.solve(back @ pose[:3, :3], None, q, None, 25)
+        _, grip, _, _ = self._chain.forward(q)
+        away = (back.transpose(0, 2, 1) @ grip[..., None])[..., 0]
+        base[:, :3] = (pose[:3, 3] - away) * [-1.0, 1.0, 1.0]
+        worth = np.minimum(self._chain.manipulability(q) / self._best, self._free(q).min(axis=1))
+        worth = np.where((miss < 1e-3) & self._stands(base), worth, -1.0)
+        kept = np.argsort(-worth, kind="stable")[: 2 * _KEPT]
+        return self._from_middle(base[kept], q[kept])
 
     def _grid(self) -> Vector:
         reach, first = self._chain.length_m, self._targets[0, :3, 3]
@@ -211,15 +247,17 @@ class _Search:
         self, base: Vector, target: int, q: Vector, posture: Vector | None, iterations: int
     ) -> tuple[Vector, Vector]:
         """Solve for a target from configurations (b, n) on bases (b, 4), in the base frames."""
-        pose = self._targets[target]
-        c, s = np.cos(base[:, 3]), np.sin(base[:, 3])
-        none, one = np.zeros(len(base)), np.ones(len(base))
-        back = np.stack((c, s, none, -s, c, none, none, none, one), axis=1).reshape(-1, 3, 3)
-        if self._tilt is not None:
-            back = self._tilt.T @ back
+        pose, back = self._targets[target], self._back(base)
         away = pose[:3, 3] - base[:, :3] * [-1.0, 1.0, 1.0]
         place = (back @ away[..., None])[..., 0]
         return self._chain.solve(back @ pose[:3, :3], place, q, posture, iterations)
+
+    def _back(self, base: Vector) -> Vector:
+        """Return the rotations (b, 3, 3) from the bending frame to those of bases (b, 4)."""
+        c, s = np.cos(base[:, 3]), np.sin(base[:, 3])
+        none, one = np.zeros(len(base)), np.ones(len(base))
+        back = np.stack((c, s, none, -s, c, none, none, none, one), axis=1).reshape(-1, 3, 3)
+        return back if self._tilt is None else np.asarray(self._tilt.T @ back)
 
     def _follow(self, base: Vector, start: Vector) -> _Tried:
         """Go through all targets from configurations near the first; the first is the posture."""
@@ -264,9 +302,11 @@ class _Search:
             behind |= np.abs(aside) > _BESIDE_SHEET_M
         # The first joint's point is anywhere on its axis.
         fine = (behind & (height > _ABOVE_FLOOR_M))[..., 1:].all(axis=(1, 2))
+        return np.asarray(fine & self._stands(base))
+
+    def _stands(self, base: Vector) -> NDArray[np.bool_]:
         stands = (base[:, 2] >= 0.0) & (base[:, 2] <= self._highest)
-        stands &= (base[:, 0] > _NEAREST_M) | self._fixed[0]
-        return np.asarray(fine & stands)
+        return np.asarray(stands & ((base[:, 0] > _NEAREST_M) | self._fixed[0]))
 
     def _touches_itself(self, one: _Tried) -> bool:
         return self._touches(self._model, self._data, one)

@@ -52,6 +52,12 @@ class AssemblyPlan:
         left, right = (math.copysign(shape.at(abs(s)).x_m, s) for s in (min(middle), max(middle)))
         return right - left
 
+    def uneven_m(self, alpha: float) -> float:
+        """Return the height of the highest middle hole above the lowest one at α [m]."""
+        shape = self.shape(alpha)
+        heights = [shape.at(abs(s)).z_m for s in self.layout.middle]
+        return max(heights) - min(heights)
+
     def middle_slack_m(self, alpha: float) -> float:
         """Return the play ± along x of the sheet on its middle pins [m]; negative: it has none.
 

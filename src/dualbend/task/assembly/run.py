@@ -135,6 +135,7 @@ class AssemblyRun(Run):
             grasp=scenario.grasp,
             path=self._path,
             touch_rad=self.plan.range.reach_rad,
+            uneven_m=self.plan.uneven_m(scenario.path.end_rad),
             bend_speed_rad_per_s=scenario.motion.speed_rad_per_s,
             period_s=scenario.period_s,
             least_force_n=force_n,

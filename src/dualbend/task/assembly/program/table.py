@@ -81,10 +81,10 @@ class AssemblyProgram:
     to be. ``grasp``: its rubber yields where pins hold the sheet; ``yields``: the grips do, to the
     bent sheet. ``path``: half distance and rise over the bending angle, up to that at which the
     sheet is laid. ``touch_rad``: bending angle at which the outer holes come to the tips of their
-    pins. ``bend_speed_rad_per_s``: highest speed of the bending angle while the sheet bends in the
-    air. ``least_force_n``, ``least_moment_nm``: differences that noise, drift and cross-talk of the
-    sensors do not make. ``rehearse``: before the first sheet the arms go all the way without one,
-    and learn their friction.
+    pins; ``uneven_m``: height of the highest middle hole above the lowest, bent. In the air sheets
+    bend at ``bend_speed_rad_per_s`` at most. ``least_force_n``, ``least_moment_nm``: differences
+    that noise, drift and cross-talk of the sensors do not make. ``rehearse``: before the first
+    sheet the arms go all the way without one, and learn their friction.
     """
 
     def __init__(
@@ -100,12 +100,13 @@ class AssemblyProgram:
         least_force_n: float,
         least_moment_nm: float,
         rehearse: bool = False,
+        uneven_m: float = 0.0,
         yields: Yields = rigid,
     ) -> None:
         self.config, self.sheet, self.bend_rad = config, sheet, float(path.knots[-1])
-        self.touch_rad, self.bend_speed_rad_per_s = touch_rad, bend_speed_rad_per_s
+        self.touch_rad, self.uneven_m = touch_rad, uneven_m
+        self.bend_speed_rad_per_s, self.rehearse = bend_speed_rad_per_s, rehearse
         self.least_force_n, self.least_moment_nm = least_force_n, least_moment_nm
-        self.rehearse = rehearse
         k, arm = grasp.translational_stiffness_n_per_m, 0.5 * sheet.length_m
         turn = k * arm**2 + grasp.rotational_stiffness_n_m_per_rad
         self.rubber = 2.0 * np.array([k, k, turn])
@@ -123,8 +124,7 @@ class AssemblyProgram:
             retreat=config.retreat_m,
             opening=config.jaw_opening_m,
         )
-        self.path = path
-        self.middle = BentMiddle(sheet, path, config.layout.pins.height_m, yields)
+        self.path, self.middle = path, BentMiddle(sheet, path, config.layout.pins.height_m, yields)
         self.press_force_n = self.middle.force(config.press_m)
         self._middle, self._outer = circles(config.layout.holes)
         self._beyond_farthest, self._beyond_nearest = overhangs(config.layout.holes, sheet.length_m)
@@ -224,7 +224,7 @@ class AssemblyProgram:
         """Go above the tips, to a place of the search, down past the tips, and to the bed."""
         config, pins, speeds = self.config, self.config.layout.pins, self.config.speeds
         tips = self._seat_z(layer) + pins.height_m
-        past_tips = tips - pins.tip_m - _TIP_MARGIN_M
+        past_tips = tips - pins.tip_m - _TIP_MARGIN_M - self.uneven_m
         contact, seat = (
             replace(self.pace, linear_m_per_s=speed)
             for speed in (speeds.contact_m_per_s, speeds.seat_m_per_s)
