@@ -13,11 +13,11 @@ from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.sections import ServedArmConfig
 from dualbend.serve.cell import ServedCell
-from dualbend.serve.port import ArmState
-from dualbend.serve.robot.egm import EgmRobot, decode, encode, quaternion_of
+from dualbend.serve.robot.egm import EgmRobot, decode, encode
+from dualbend.serve.robot.pose import quaternion_of
 from dualbend.serve.robot.protobuf import fields
 from dualbend.types import SIDES
-from support.served import Answer, controllers, free_ports, served
+from support.served import Answer, arm_state, controllers, free_ports, served, served_arm
 
 SHORT = (
     *("motion.speed_rad_per_s=1.0", "path.end_rad=0.2", "motion.settle_s=0.2"),
@@ -40,10 +40,9 @@ def sensor(place_mm: tuple[float, ...], orient: tuple[float, ...]) -> bytes:
 
 
 def test_what_the_robot_sends_is_written_by_hand() -> None:
-    state = ArmState(
-        cycle=1,
+    state = arm_state(
+        1,
         measured=np.array([-0.5, 0.0, 1.25, 0.0, 0.0, 0.0]),
-        nominal=np.zeros(6),
         joints=np.array([10.0, -20.0]),
         wrench=np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
     )
@@ -177,17 +176,9 @@ def test_what_came_before_the_question_is_no_answer() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as controller:
         controller.bind(("127.0.0.1", 0))
         controller.settimeout(5.0)
-        robot = EgmRobot("left", "127.0.0.1", controller.getsockname()[1], 0.028)
+        robot = EgmRobot(served_arm(), "127.0.0.1", controller.getsockname()[1])
         for cycle, place_mm in enumerate((1.0, 2.0)):
-            robot.ask(
-                ArmState(
-                    cycle=cycle,
-                    measured=np.zeros(6),
-                    nominal=np.zeros(6),
-                    joints=np.zeros(6),
-                    wrench=None,
-                )
-            )
+            robot.ask(arm_state(cycle))
             _, at = controller.recvfrom(1000)
             for place in (place_mm, 99.0):
                 controller.sendto(sensor((place, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)), at)

@@ -1,5 +1,6 @@
 """Served cells and the controllers that steer them, in processes and threads of their own."""
 
+import selectors
 import socket
 import subprocess
 import sys
@@ -9,11 +10,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import msgspec
+import numpy as np
 
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.sections import ServeConfig, ServedArmConfig
 from dualbend.serve.cell import ServedCell
+from dualbend.serve.port import ArmState, Port, Served
+from dualbend.types import Vector
 
 CLIENT = Path(__file__).parents[2] / "docs" / "examples" / "own_client.py"
 TOLD = "import sys; sys.path.insert(0, sys.argv[1]); import own_client as c; c.main({}, {}, {})"
@@ -31,6 +35,31 @@ def free_ports(count: int) -> list[int]:
     for one in sockets:
         one.close()
     return ports
+
+
+def take(port: Port, seconds: float = 5.0) -> bool:
+    """Let a port take what comes within a time; returns whether something has."""
+    with selectors.DefaultSelector() as selector:
+        port.watch(selector)
+        came = selector.select(seconds)
+        for key, _ in came:
+            key.data()
+    return bool(came)
+
+
+def served_arm(**known: object) -> Served:
+    """Return the left arm as a port knows it; its joint angles are place [m] and rotation [rad]."""
+
+    def forward(joints: Vector) -> tuple[Vector, Vector]:
+        return joints[:3], np.eye(3)
+
+    return msgspec.structs.replace(Served(side="left", period_s=0.028, forward=forward), **known)
+
+
+def arm_state(cycle: int, **known: object) -> ArmState:
+    """Return a state of an arm in which all is 0 that is not given."""
+    rest = {name: np.zeros(6) for name in ("measured", "nominal", "origin", "joints", "setpoint")}
+    return ArmState(cycle=cycle, **rest | known)  # type: ignore[arg-type]
 
 
 @contextmanager

@@ -23,6 +23,7 @@ _LOOPBACK = "127.0.0.1"
 @command(
     "dualbend serve fig8 --out runs/served",
     "dualbend serve fig8 --set serve.correction=relative --configs rsi",
+    "dualbend serve fig8 --realtime",
 )
 @SCENARIO
 @click.option("--out", type=PATH, help="Folder for the results.")
@@ -41,6 +42,11 @@ _LOOPBACK = "127.0.0.1"
     show_default=True,
     help="Where the robots send to: the address of your controller.",
 )
+@click.option(
+    "--lockstep/--realtime",
+    default=True,
+    help="The robot waits for each answer, or goes by the clock: a late answer is late.",
+)
 @click.option("--configs", type=PATH, help="Folder for the RSI configuration of each arm.")
 def serve(
     scenario: str,
@@ -50,12 +56,13 @@ def serve(
     record: bool,
     address: str,
     controller: str,
+    lockstep: bool,
     configs: Path | None,
 ) -> None:
     """Run a scenario by your own controller's answers.
 
-    Arms and sensors speak the protocols of real ones; the robot waits for each answer. The
-    results are those of dualbend run.
+    Arms and sensors speak the protocols of real ones; the robot waits for each answer, or with
+    --realtime goes by the clock. The results are those of dualbend run.
     """
 
     def drive(ready: Run, on_cycle: Callable[[int], None]) -> RunRecord:
@@ -67,10 +74,10 @@ def serve(
                 configs.mkdir(parents=True, exist_ok=True)
                 for name, text in cell.configurations().items():
                     write_whole(configs / name, text)
-        with cell.open() as lockstep:
+        with cell.open(realtime=not lockstep) as loop:
             for line in cell.told():
                 click.echo(line)
             click.echo("start your controller now: the cell waits for its first answer")
-            return lockstep.run(on_cycle)
+            return loop.run(on_cycle)
 
     carry_out(load(scenario, settings, seed), out, record=record, drive=drive)

@@ -58,7 +58,7 @@ class PlanarRun(Run):
         self.scenario = scenario = with_placements(scenario)
         self._z_m = scenario.cell.sheet_height_m + motion.rise_m
         try:
-            cell = RobotCell(scenario, self._nominal_pose(0))
+            cell = RobotCell(scenario, self.nominal_pose(0))
         except InputError as error:
             raise self._out_of_reach(0, error) from error
         super().__init__(scenario, cell)
@@ -78,7 +78,7 @@ class PlanarRun(Run):
         n = self.trace.rows
         if n == self.motion.cycles:
             return False
-        x, z, alpha = self._nominal_pose(n).tolist()
+        x, z, alpha = self.nominal_pose(n).tolist()
         seen = self.observe(int(self.motion.phase[n]), np.array([alpha, -x, z]))
         refuse_snapped(seen.sag, alpha)
         self.on_observed(n, seen)
@@ -92,7 +92,8 @@ class PlanarRun(Run):
     def on_observed(self, cycle: int, seen: Observation) -> None:
         """Do what a task does besides in a cycle, before it is controlled."""
 
-    def _nominal_pose(self, cycle: int) -> Vector:
+    def nominal_pose(self, cycle: int) -> Vector:
+        """Return x, z [m] and α [rad] of both grips in a cycle, each in its bending frame."""
         motion = self.motion
         return np.array([-motion.half_distance_m[cycle], self._z_m[cycle], motion.alpha_rad[cycle]])
 
@@ -104,7 +105,7 @@ class PlanarRun(Run):
         q, before, poses = self.cell.home, -1, list[Vector]()
         for cycle in np.unique(cycles).tolist():
             try:
-                there = self.cell.reach(self._nominal_pose(cycle), q)
+                there = self.cell.reach(self.nominal_pose(cycle), q)
             except InputError as error:
                 raise self._out_of_reach(cycle, error) from error
             if before >= 0:
