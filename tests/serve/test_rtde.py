@@ -217,6 +217,29 @@ def test_a_number_that_is_none_ends_the_connection() -> None:
         assert robot.answer is None
 
 
+def test_a_target_after_its_cycle_is_late_and_acts_in_the_next_one_as_a_pose() -> None:
+    robot = UrRobot(served_arm(), "127.0.0.1", free_robot_port())
+    robot.program.play()
+    with selectors.DefaultSelector() as selector:
+        robot.watch(selector)
+        client = socket.create_connection(("127.0.0.1", robot.port))
+        client.sendall(bytes_of("0005 56 0002") + struct.pack(">Hc", 3 + len(COMMAND), b"I"))
+        client.sendall(COMMAND.encode())
+        robot.ask(arm_state(0))
+        robot.missed = True
+        client.sendall(struct.pack(">HcBi6d", 56, b"U", 1, 24, 0.003, *[0.0] * 5))
+        while not robot.counted()["late"]:
+            for key, _ in selector.select(5.0):
+                key.data()
+        assert robot.answer is None
+        robot.ask(arm_state(1, origin=np.array([0.001, 0.0, 0.0, 0.0, 0.0, 0.0])))
+        np.testing.assert_allclose(robot.late, [0.002, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-15)
+        robot.ask(arm_state(2))
+        assert robot.late is None
+        client.close()
+        robot.close()
+
+
 def driven(run: Run, target: Target, names: str = "target_TCP_pose", **keys: object) -> RunRecord:
     arms = [
         ServedArmConfig(

@@ -63,7 +63,9 @@ def arm_state(cycle: int, **known: object) -> ArmState:
 
 
 @contextmanager
-def served(run: Run, **keys: object) -> Iterator[tuple[ServedCell, Callable[[], RunRecord]]]:
+def served(
+    run: Run, *, realtime: bool = False, **keys: object
+) -> Iterator[tuple[ServedCell, Callable[[], RunRecord]]]:
     """Give a cell with open ports, all free ones, and what runs it to its end."""
     left, right = (
         ServedArmConfig(robot_port=port, sensor_port=0, http_port=0) for port in free_ports(2)
@@ -73,8 +75,8 @@ def served(run: Run, **keys: object) -> Iterator[tuple[ServedCell, Callable[[], 
     run.scenario = msgspec.structs.replace(before, serve=config)
     try:
         cell = ServedCell(run)
-        with cell.open() as lockstep:
-            yield cell, lockstep.run
+        with cell.open(realtime=realtime) as loop:
+            yield cell, loop.run
     finally:
         run.scenario = before
 

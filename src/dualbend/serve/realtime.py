@@ -15,8 +15,8 @@ from dualbend.serve.port import RobotPort
 from dualbend.types import Vector
 
 _EDGES_MS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
-_CELL_LATE = 0.1
-"""Of a period that the cell tells its state too late: then a missed answer may be its own fault."""
+_CELL_LATE = 0.5
+"""Of a period that the cell told its state too late: then a missed answer is its own fault."""
 
 
 class RealTime(LockStep):
@@ -104,7 +104,7 @@ class RealTime(LockStep):
             for i, text in enumerate(said)
         ]
         missed = {_name(r): self._missed[r.side] + self._excused[r.side] for r in self._robots}
-        return (*rows, {"time": "missed", "cell": self._slips, **missed})
+        return (*rows, {"time": "missed; clock set anew", "cell": self._slips, **missed})
 
 
 def _name(robot: RobotPort) -> str:
