@@ -192,6 +192,7 @@ def test_the_dashboard_answers_as_the_real_one() -> None:
         b"\0\3?",
         b"\0\4Vx",
         bytes_of("000c 4f 7ff8000000000000") + b"t",
+        bytes_of("000c 4f 0000000000000001") + b"t",  # 5e-324 Hz
         bytes_of("0004 55 09"),
         b"\0\5I\xff\xff",
     ],
@@ -303,6 +304,14 @@ def test_what_is_not_served_ends_the_run_by_its_name(run: Run) -> None:
     assert "the left arm's controller asks for moveJ (1), which is not served" in record.reason
 
 
+def test_who_starts_no_program_is_told(run: Run) -> None:
+    none = ServedArmConfig(robot="none", sensor="none")
+    arm = ServedArmConfig(robot="rtde", robot_port=free_robot_port(), sensor="none")
+    with served(run, left=arm, right=none, wait_s=0.2) as (_, go):
+        record = go()
+    assert "in cycle 0 for 0.2 s (its program does not run: ur_rtde's script" in record.reason
+
+
 def test_joint_targets_are_the_same_pose_by_forward_kinematics(run: Run) -> None:
     """Of the home pose both are known, as near as the inverse kinematics goes."""
     with served(run) as (cell, _):
@@ -320,6 +329,45 @@ def test_rotation_vectors_are_those_of_scipy(seed: int) -> None:
     vector = rotation.as_rotvec()
     np.testing.assert_allclose(rotation_vector_of(rotation.as_matrix()), vector, atol=1e-14)
     np.testing.assert_allclose(axes_about(vector), rotation.as_matrix(), atol=1e-14)
+
+
+def test_a_client_that_connects_again_goes_on(run: Run) -> None:
+    """Lock step waits for it; its registers are free again."""
+    arms = [
+        ServedArmConfig(robot="rtde", robot_port=free_robot_port(), sensor="none"),
+        ServedArmConfig(robot="none", sensor="none"),
+    ]
+
+    def steer(port: int) -> None:
+        play(port)
+        with suppress(ConnectionError):
+            while True:  # a connection a cycle
+                client = Rtde(port).negotiated()
+                client.outputs("timestamp,target_TCP_pose")
+                while client.asked(b"I", COMMAND.encode())[0] != 1:
+                    pass
+                client.asked(b"S")
+                client.write(24, client.doubles()[1:])
+                client.socket.close()
+
+    with served(run, left=arms[0], right=arms[1]) as (cell, go):
+        port = cell.robots[0].port  # type: ignore[attr-defined]
+        threading.Thread(target=steer, args=(port,), daemon=True).start()
+        record = go()
+    assert record.outcome == "completed", record.reason
+    np.testing.assert_allclose(record["left_deviation_alpha"], 0.0, atol=1e-14)
+
+
+def test_ports_that_cannot_be_are_refused_by_their_key() -> None:
+    port = free_robot_port()
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", port - 5))
+        with pytest.raises(
+            InputError, match=rf"serve.left.robot_port - 5 = {port - 5} at .*opened"
+        ):
+            UrRobot(served_arm(), "127.0.0.1", port)
+    with pytest.raises(InputError, match=r"robot_port = 3: the dashboard is 5 below it"):
+        UrRobot(served_arm(), "127.0.0.1", 3)
 
 
 def test_an_arm_that_is_no_urs_is_refused() -> None:

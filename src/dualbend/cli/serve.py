@@ -77,6 +77,8 @@ def serve(
         with cell.open(realtime=not lockstep) as loop:
             for line in cell.told():
                 click.echo(line)
+            if not lockstep:
+                click.echo("real time: the first answers start the clock, late answers are late")
             click.echo("start your controller now: the cell waits for its first answer")
             return loop.run(on_cycle)
 

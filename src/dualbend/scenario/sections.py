@@ -336,12 +336,16 @@ class ServeConfig(Config):
         Literal["refused", "zero"],
         said("RTDE's variables that the cell does not know: NOT_FOUND, or there and 0"),
     ] = "refused"
-    limit_m: Annotated[float, said("largest deviation along an axis", gt=0, le=1)] = 0.05
-    limit_rad: Annotated[float, said("largest deviation about an axis", gt=0, le=1)] = 0.2
-    step_m: Annotated[float, said("its largest change in a cycle", gt=0, le=1)] = 0.005
-    step_rad: Annotated[float, said("its largest change in a cycle", gt=0, le=1)] = 0.05
+    limit_m: Annotated[float, said("largest deviation from the path along an axis", gt=0, le=1)] = (
+        0.05
+    )
+    limit_rad: Annotated[
+        float, said("largest deviation from the path about an axis", gt=0, le=1)
+    ] = 0.2
+    step_m: Annotated[float, said("largest change of an answer in a cycle", gt=0, le=1)] = 0.005
+    step_rad: Annotated[float, said("largest change of an answer in a cycle", gt=0, le=1)] = 0.05
     late_limit: Annotated[
-        int, said("wrong answers in a row at which the robot stops", ge=1, le=1_000_000)
+        int, said("wrong or missed answers in a row at which a robot stops", ge=1, le=1_000_000)
     ] = 100
     wait_s: Annotated[float, said("for the first answer", gt=0, le=86400)] = 60.0
     timeout_s: Annotated[float, said("for every later answer", gt=0, le=3600)] = 10.0

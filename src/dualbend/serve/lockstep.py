@@ -156,9 +156,10 @@ class LockStep:
             now = time.monotonic()
             if now >= deadline and (late := _silent(asked)):
                 sides = " and ".join(robot.side for robot in late)
+                hints = dict.fromkeys(f" ({robot.hint})" for robot in late if robot.hint)
                 raise TaskStopped(
                     f"no answer from the controller of the {sides} arm in cycle {self._cycle} "
-                    f"for {self._wait_s:g} s"
+                    f"for {self._wait_s:g} s{''.join(hints)}"
                 )
             if now >= again_at:
                 again_at = now + _REFUSED_S

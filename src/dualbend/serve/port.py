@@ -111,6 +111,10 @@ class RobotPort(Port, Protocol):
     def gone_wrong(self) -> str:
         """What the controller did that ends the run; "": nothing."""
 
+    @property
+    def hint(self) -> str:
+        """Why there may be no answer; "": nothing is known."""
+
     def ask(self, state: ArmState) -> None:
         """Send the state of a cycle, which makes the last answer old."""
 

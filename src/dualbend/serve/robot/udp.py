@@ -32,7 +32,7 @@ class UdpRobot:
         self.answer: Vector | None = None
         self.late: Vector | None = None
         self.missed, self._stale = False, b""
-        self.wrong_in_a_row, self.gone_wrong, self._refused = 0, "", False
+        self.wrong_in_a_row, self.gone_wrong, self.hint, self._refused = 0, "", "", False
         self._packet = b""
         self._count = dict.fromkeys(("sent", "answered", "oversized", "doubled", *self.faults), 0)
         self._socket = udp_socket()

@@ -61,7 +61,7 @@ class Program:
 
     def stop(self) -> None:
         """Stop the program: registers are written, and nothing else happens."""
-        self.running = False
+        self.running, self.target = False, None
 
     def write(self, values: Mapping[str, Number]) -> bool:
         """Write input registers; returns whether they are a new target. ValueError: no numbers."""

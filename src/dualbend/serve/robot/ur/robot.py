@@ -28,7 +28,7 @@ _SCRIPT, _DASHBOARD = -1, -5
 """From RTDE's port to the others: 30003 and 29999 from 30004, as on the real robot."""
 
 _AGAIN_S = 0.25
-_HIGHEST_HZ, _JOINTS = 500.0, 6
+_LOWEST_HZ, _HIGHEST_HZ, _JOINTS = 1.0, 500.0, 6
 _LONGEST_SCRIPT = 1 << 20
 
 
@@ -61,6 +61,9 @@ class UrRobot:
                 f'serve.{self.side}.robot = "rtde": a UR robot has {_JOINTS} turning joints, this '
                 f"arm has {served.joints}" + (", some of which slide" if served.slides else "")
             )
+        key = f"serve.{self.side}.robot_port"
+        if port + _DASHBOARD < 1:
+            raise InputError(f"{key} = {port}: the dashboard is {-_DASHBOARD} below it; at least 6")
         self._served, self._zero = served, served.unknown == "zero"
         self.program = Program()
         self.answer: Vector | None = None
@@ -72,7 +75,6 @@ class UrRobot:
         self._sessions = dict[Client, _Session]()
         names = ("sent", "answered", "doubled", *self.faults, "not_found", "refused", "scripts")
         self._count = dict.fromkeys(names, 0)
-        key = f"serve.{self.side}.robot_port"
         self._rtde = TcpPort((address, port), key, self._take, left=self._left)
         self.address, self.port = address, self._rtde.port
         self._ports = [self._rtde]
@@ -81,8 +83,8 @@ class UrRobot:
                 (_SCRIPT, self._take_script, b""),
                 (_DASHBOARD, self._take_line, GREETING),
             ):
-                at = (address, self.port + offset)
-                self._ports.append(TcpPort(at, key, take, greeting=greeting))
+                at, named = (address, self.port + offset), f"{key} - {-offset}"
+                self._ports.append(TcpPort(at, named, take, greeting=greeting))
         except InputError:
             self.close()
             raise
@@ -102,6 +104,12 @@ class UrRobot:
     def gone_wrong(self) -> str:
         """What was asked for and is not served; "": nothing."""
         return self.program.refused and f"asks for {self.program.refused}, which is not served"
+
+    @property
+    def hint(self) -> str:
+        """Why there may be no answer; "": nothing is known."""
+        known = "its program does not run: ur_rtde's script, or play at the dashboard, starts it"
+        return "" if self.program.running else known
 
     def ask(self, state: ArmState) -> None:
         """Send the state of a cycle, which makes the last answer old."""
@@ -193,7 +201,7 @@ class UrRobot:
     def _outputs(self, client: Client, session: _Session, payload: bytes) -> tuple[int, list[str]]:
         """Set up what a client gets; returns number (0: not accepted) and types."""
         (frequency,) = struct.unpack_from(">d", payload)
-        if not 0.0 < frequency < math.inf:
+        if not _LOWEST_HZ <= frequency < math.inf:
             raise ValueError(f"a frequency of {frequency}")
         names = wire.names_of(payload[8:])
         rate = 1.0 / self._served.period_s
