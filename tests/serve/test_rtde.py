@@ -235,6 +235,12 @@ def test_a_target_after_its_cycle_is_late_and_acts_in_the_next_one_as_a_pose() -
         assert robot.answer is None
         robot.ask(arm_state(1, origin=np.array([0.001, 0.0, 0.0, 0.0, 0.0, 0.0])))
         np.testing.assert_allclose(robot.late, [0.002, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-15)
+        for number in (24, 255):  # and where the program has ended since, nothing is late
+            client.sendall(struct.pack(">HcBi6d", 56, b"U", 1, number, *[0.0] * 6))
+        robot.missed = True
+        while robot.program.running:
+            for key, _ in selector.select(5.0):
+                key.data()
         robot.ask(arm_state(2))
         assert robot.late is None
         client.close()

@@ -68,18 +68,17 @@ class ServedCell:
         """Refuse what a whole pose cannot mean."""
         robot, scenario = self.config.own(side).robot, self._ready.scenario
         mode, correction = scenario.robot.alter.mode, self.config.correction
-        poses = robot in ("egm", "rtde")
-        why = f'serve.{side}.robot = "{robot}" answers with a whole pose'
-        if self.config.path == "outside" and robot != "none":
-            why = why if poses else 'serve.path = "outside" streams whole poses'
-        elif not poses:
-            return
-        if mode != "world" or (poses and correction != "absolute"):
-            raise InputError(
-                f"{why} in the bending frame: it needs "
-                + (f'serve.correction = "absolute", not {correction!r}, and ' if poses else "")
-                + f'robot.alter.mode = "world", not {mode!r}'
-            )
+        wanted = []
+        if robot in ("egm", "rtde") and correction != "absolute":
+            wanted.append(f'serve.correction = "absolute", not {correction!r}')
+        streamed = self.config.path == "outside" and robot != "none"
+        if (robot in ("egm", "rtde") or streamed) and mode != "world":
+            wanted.append(f'robot.alter.mode = "world", not {mode!r}')
+        if wanted:
+            why = 'serve.path = "outside" streams whole poses'
+            if not streamed:
+                why = f'serve.{side}.robot = "{robot}" answers with a whole pose'
+            raise InputError(f"{why} in the bending frame: it needs {' and '.join(wanted)}")
 
     @contextmanager
     def open(self, *, realtime: bool = False) -> Iterator[LockStep]:

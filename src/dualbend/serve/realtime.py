@@ -57,8 +57,11 @@ class RealTime(LockStep):
             super()._wait(asked)
             self._due_s = time.monotonic()
             return
-        end_s, silent = self._due_s + self._run.scenario.period_s, list(asked)
-        while silent and (left_s := end_s - time.monotonic()) > 0.0:
+        end_s = self._due_s + self._run.scenario.period_s
+        silent = [robot for robot in asked if robot.answer is None]
+        left_s = 1.0
+        while silent and left_s > 0.0:  # at the end it looks once more at what is there
+            left_s = max(end_s - time.monotonic(), 0.0)
             self._take(left_s, asked)
             now_s = time.monotonic()
             for robot in [robot for robot in silent if robot.answer is not None]:

@@ -118,9 +118,10 @@ class UrRobot:
             port.read_all()
         self._before, self._state = self._state or state, state
         self.answer, self.missed = None, False
-        self.late, self._is_late = (self._deviation() if self._is_late else None), False
+        self.late = self._deviation() if self._is_late else None
+        self._is_late = False
         started = [session for session in self._sessions.values() if session.started]
-        if started and self.program.target is not None and not any(map(self._due, started)):
+        if started and not any(map(self._due, started)):
             self.answer = self._deviation()
         self._tell()
 
@@ -151,11 +152,11 @@ class UrRobot:
                 self._count["sent"] += 1
         self._rtde.tidy()
 
-    def _deviation(self) -> Vector:
-        """Return the deviation (6,) of the program's target."""
-        assert self._state is not None
+    def _deviation(self) -> Vector | None:
+        """Return the deviation (6,) of the program's target; None: it has none."""
         target = self.program.target
-        assert target is not None
+        if target is None or self._state is None:
+            return None
         if self.program.of_joints:
             place, axes = self._served.forward(target)
         else:
