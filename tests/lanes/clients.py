@@ -1,10 +1,13 @@
 """Programs of other people, unmodified, bend the sheet over ``dualbend serve``.
 
 ``python tests/lanes/clients.py --python ENV/bin/python``, where ENV has ``RSIPI==0.3.0
-pynetft==2.1.3 ABBRobotEGM==1.0.7``; what runs there imports nothing of this package.
+pynetft==2.1.3 netft==2.0.1 ABBRobotEGM==1.0.7 ur_rtde==1.6.5``; what runs there imports nothing of
+this package.
 
 * RSIPI moves the left arm by what it is told, and pynetft reads what the trace has;
-* ABBRobotEGM with the paper's admittance makes the built-in controller's trace.
+* NetFT reads what the trace has, one record by request, beside an RSI socket;
+* ABBRobotEGM with the paper's admittance makes the built-in controller's trace;
+* so does ur_rtde, which receives both arms' forces and moves them by servoL.
 
 A line each; the exit code is 1 where a statement is not true.
 """
@@ -31,6 +34,14 @@ EGM = [
     *("--set", "serve.left.sensor=none", "--set", "serve.right.sensor=none"),
 ]
 ALLOWED_NM, READ_NM, TURN_DEG = 0.05e-3, 1e-9, 0.3
+RTDE = [
+    *("--set", "serve.left.robot=rtde", "--set", "serve.right.robot=rtde"),
+    *("--set", "serve.left.sensor=none", "--set", "serve.right.sensor=none"),
+]
+NETFT_PORTS = [
+    *("--set", "serve.left.robot_port=49154", "--set", "serve.left.sensor_port=49152"),
+    *("--set", "serve.right.robot=none", "--set", "serve.right.sensor=none"),
+]
 AXES = ("force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z")
 
 RSIPI = """
@@ -88,6 +99,48 @@ while True:
         arms[i].send_to_robot_cart(planned.pos, (math.cos(half), 0.0, math.sin(half), 0.0))
 """
 
+NETFT = """
+import json, re, socket
+from NetFT import Sensor
+
+robot, sensor, read = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), Sensor("127.0.0.1"), []
+robot.bind(("127.0.0.1", 49154))
+robot.settimeout(30.0)
+while True:
+    try:
+        telegram, at = robot.recvfrom(8192)
+    except TimeoutError:
+        break
+    robot.settimeout(3.0)
+    read.append([count / 1e6 for count in sensor.getMeasurement()])
+    ipoc = re.search(rb"<IPOC>.*</IPOC>", telegram)[0]
+    robot.sendto(b"<Sen><RKorr/>" + ipoc + b"</Sen>", at)
+json.dump(read, open("read.json", "w"))
+"""
+
+UR = """
+import math, os
+from rtde_control import RTDEControlInterface
+from rtde_receive import RTDEReceiveInterface
+
+NAMES = ["timestamp", "target_TCP_pose", "actual_TCP_force"]
+hosts, arms, last, moments = ("127.0.0.1", "127.0.0.2"), [], 0.0, [None, None]
+for host in hosts:
+    arms.append((RTDEReceiveInterface(host, -1.0, NAMES), RTDEControlInterface(host)))
+while True:
+    for told, _ in arms:
+        while told.getTimestamp() == last:
+            if not told.isConnected():
+                os._exit(0)  # its destructors connect again, to a robot that has gone
+    last = arms[0][0].getTimestamp()
+    for i, (told, commands) in enumerate(arms):
+        now = told.getActualTCPForce()[4]
+        mean = now if moments[i] is None else (now + moments[i]) / 2.0
+        moments[i], target = now, told.getTargetTCPPose()
+        target[4] += math.radians(2.0 * mean)
+        commands.servoL(target, 0.5, 0.5, 0.002, 0.1, 300)
+"""
+
 
 @contextmanager
 def serving(folder: Path, *arguments: str) -> Iterator[None]:
@@ -107,7 +160,11 @@ def serving(folder: Path, *arguments: str) -> Iterator[None]:
 def client(python: str, folder: Path, code: str) -> None:
     """Run a program of the other environment."""
     (folder / "client.py").write_text(code, encoding="utf-8")
-    subprocess.run([python, "client.py"], cwd=folder, check=True, timeout=120.0, env={})
+    done = subprocess.run(
+        [python, "client.py"], cwd=folder, timeout=120.0, env={}, capture_output=True, check=False
+    )
+    if done.returncode:
+        sys.exit(done.stderr.decode()[-2000:])
 
 
 def rsipi(python: str, folder: Path) -> dict[str, float]:
@@ -126,23 +183,47 @@ def rsipi(python: str, folder: Path) -> dict[str, float]:
     return {"RSIPI, turn [rad]": missed, "pynetft, reading [N, N m]": worst}
 
 
+def netft(python: str, folder: Path) -> dict[str, float]:
+    """Return how far the readings are from what was recorded, one a cycle."""
+    with serving(folder, *NETFT_PORTS):
+        client(python, folder, NETFT)
+    run, read = load_run(folder / "run"), json.loads((folder / "read.json").read_text())
+    recorded = np.stack([run[f"left_sensor_{axis}"] for axis in AXES], axis=1)
+    worst = np.abs(np.array(read) - recorded).max() if len(read) == len(recorded) else np.inf
+    return {"NetFT, reading [N, N m]": float(worst)}
+
+
 def abb(python: str, folder: Path) -> dict[str, float]:
     """Return how far the trace is from the built-in controller's."""
     with serving(folder, *EGM):
         client(python, folder, ABB)
+    return {"ABBRobotEGM, moment [N m]": from_built_in(folder)}
+
+
+def ur(python: str, folder: Path) -> dict[str, float]:
+    """Return the same of ur_rtde."""
+    with serving(folder, *RTDE):
+        client(python, folder, UR)
+    return {"ur_rtde, moment [N m]": from_built_in(folder)}
+
+
+def from_built_in(folder: Path) -> float:
+    """Return the largest difference of the moments of ``folder/run`` from the built-in ones."""
     command = [sys.executable, "-m", "dualbend", "run", "fig8", "--out", "built-in", *PERFECT]
     subprocess.run(command, cwd=folder, check=True, capture_output=True)
     run, built_in = load_run(folder / "run"), load_run(folder / "built-in")
     names = [f"{side}_true_moment_y" for side in SIDES]
-    return {"ABBRobotEGM, moment [N m]": max(np.abs(run[n] - built_in[n]).max() for n in names)}
+    if len(run[names[0]]) != len(built_in[names[0]]):
+        return np.inf
+    return float(max(np.abs(run[name] - built_in[name]).max() for name in names))
 
 
 def main() -> int:
-    """Run both and compare with what is allowed."""
+    """Run all and compare with what is allowed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--python", required=True, help="interpreter that has the clients")
     python, failed = parser.parse_args().python, False
-    for case in (rsipi, abb):
+    for case in (rsipi, netft, abb, ur):
         with tempfile.TemporaryDirectory() as folder:
             for name, value in case(python, Path(folder)).items():
                 allowed = ALLOWED_NM if "moment" in name else READ_NM

@@ -13,11 +13,11 @@ from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.sections import ServedArmConfig
 from dualbend.serve.cell import ServedCell
-from dualbend.serve.port import ArmState
-from dualbend.serve.robot.egm import EgmRobot, decode, encode, quaternion_of
+from dualbend.serve.robot.egm import EgmRobot, decode, encode
+from dualbend.serve.robot.pose import quaternion_of
 from dualbend.serve.robot.protobuf import fields
 from dualbend.types import SIDES
-from support.served import Answer, controllers, free_ports, served
+from support.served import Answer, arm_state, controllers, free_ports, served, served_arm, take
 
 SHORT = (
     *("motion.speed_rad_per_s=1.0", "path.end_rad=0.2", "motion.settle_s=0.2"),
@@ -40,10 +40,9 @@ def sensor(place_mm: tuple[float, ...], orient: tuple[float, ...]) -> bytes:
 
 
 def test_what_the_robot_sends_is_written_by_hand() -> None:
-    state = ArmState(
-        cycle=1,
+    state = arm_state(
+        1,
         measured=np.array([-0.5, 0.0, 1.25, 0.0, 0.0, 0.0]),
-        nominal=np.zeros(6),
         joints=np.array([10.0, -20.0]),
         wrench=np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
     )
@@ -172,22 +171,48 @@ def test_what_a_whole_pose_cannot_mean_is_refused(setting: str) -> None:
         ServedCell(run)
 
 
+def test_an_answer_after_its_cycle_is_late_and_acts_in_the_next_one_as_a_pose() -> None:
+    """In real time: the pose that it asks for is another deviation from where the path is then."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as controller:
+        controller.bind(("127.0.0.1", 0))
+        controller.settimeout(5.0)
+        robot = EgmRobot(served_arm(), "127.0.0.1", controller.getsockname()[1])
+        robot.ask(arm_state(0))
+        _, at = controller.recvfrom(1000)
+        robot.missed = True
+        controller.sendto(sensor((3.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)), at)
+        assert take(robot)
+        assert robot.answer is None
+        robot.ask(arm_state(1, origin=np.array([0.001, 0.0, 0.0, 0.0, 0.0, 0.0])))
+        np.testing.assert_allclose(robot.late, [0.002, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-15)
+        assert robot.counted()["late"] == 1
+        robot.ask(arm_state(2))
+        assert robot.late is None
+        robot.close()
+
+
+@pytest.mark.parametrize("packed", [True, False])
+def test_joints_are_the_pose_that_they_have(packed: bool) -> None:
+    angles = [math.degrees(value) for value in (0.001, 0.002, 0.003, 0.0, 0.0, 0.0)]
+    numbers = [struct.pack("<d", angle) for angle in angles]
+    joints = b"\x0a\x30" + b"".join(numbers) if packed else b"\x09" + b"\x09".join(numbers)
+    planned = b"\x0a" + bytes([len(joints)]) + joints
+    robot = EgmRobot(served_arm(), "127.0.0.1", 9)
+    found = robot.decode(b"\x12" + bytes([len(planned)]) + planned)
+    np.testing.assert_allclose(found, [0.001, 0.002, 0.003, 0.0, 0.0, 0.0], atol=1e-15)
+    planned = b"\x0a\x09" + joints[2 if packed else 0 :][:8].rjust(9, b"\x09")
+    assert robot.decode(b"\x12\x0b" + planned) == "malformed"  # one joint
+    robot.close()
+
+
 def test_what_came_before_the_question_is_no_answer() -> None:
     """An answer has no number of a cycle in it: an old one is taken off the socket."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as controller:
         controller.bind(("127.0.0.1", 0))
         controller.settimeout(5.0)
-        robot = EgmRobot("left", "127.0.0.1", controller.getsockname()[1], 0.028)
+        robot = EgmRobot(served_arm(), "127.0.0.1", controller.getsockname()[1])
         for cycle, place_mm in enumerate((1.0, 2.0)):
-            robot.ask(
-                ArmState(
-                    cycle=cycle,
-                    measured=np.zeros(6),
-                    nominal=np.zeros(6),
-                    joints=np.zeros(6),
-                    wrench=None,
-                )
-            )
+            robot.ask(arm_state(cycle))
             _, at = controller.recvfrom(1000)
             for place in (place_mm, 99.0):
                 controller.sendto(sensor((place, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)), at)

@@ -90,7 +90,7 @@ def test_an_answer_that_comes_twice_acts_once(run: Run) -> None:
     wanted = np.radians(0.001) * np.arange(1, record.trace.rows + 1)
     np.testing.assert_allclose(record["left_deviation_alpha"], wanted, rtol=1e-12)
     counts = record.ports[0]
-    late = [counts[name] for name in ("doubled", "wrong_ipoc")]  # the last may come after the end
+    late = [counts[name] for name in ("doubled", "late")]  # the last may come after the end
     assert record.trace.rows - 1 <= sum(n for n in late if isinstance(n, int)) <= record.trace.rows
 
 

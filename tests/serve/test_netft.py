@@ -14,6 +14,7 @@ import pytest
 from dualbend import InputError
 from dualbend.serve.sensor.netft import NetFT
 from dualbend.serve.sensor.rdt import SATURATED, decode, encode
+from support.served import take
 
 STREAM = bytes.fromhex("12 34 00 02 00 00 00 00")
 ONE = bytes.fromhex("12 34 00 02 00 00 00 01")
@@ -44,8 +45,7 @@ def connected(sensor: NetFT) -> socket.socket:
 
 def request(sensor: NetFT, client: socket.socket, data: bytes) -> None:
     client.send(data)
-    assert select.select([sensor], [], [], 5.0)[0]
-    sensor.receive()
+    assert take(sensor)
 
 
 def record(client: socket.socket) -> tuple[int, ...]:

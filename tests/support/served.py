@@ -1,5 +1,6 @@
 """Served cells and the controllers that steer them, in processes and threads of their own."""
 
+import selectors
 import socket
 import subprocess
 import sys
@@ -9,11 +10,14 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import msgspec
+import numpy as np
 
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.sections import ServeConfig, ServedArmConfig
 from dualbend.serve.cell import ServedCell
+from dualbend.serve.port import ArmState, Port, Served
+from dualbend.types import Vector
 
 CLIENT = Path(__file__).parents[2] / "docs" / "examples" / "own_client.py"
 TOLD = "import sys; sys.path.insert(0, sys.argv[1]); import own_client as c; c.main({}, {}, {})"
@@ -33,8 +37,35 @@ def free_ports(count: int) -> list[int]:
     return ports
 
 
+def take(port: Port, seconds: float = 5.0) -> bool:
+    """Let a port take what comes within a time; returns whether something has."""
+    with selectors.DefaultSelector() as selector:
+        port.watch(selector)
+        came = selector.select(seconds)
+        for key, _ in came:
+            key.data()
+    return bool(came)
+
+
+def served_arm(**known: object) -> Served:
+    """Return the left arm as a port knows it; its joint angles are place [m] and rotation [rad]."""
+
+    def forward(joints: Vector) -> tuple[Vector, Vector]:
+        return joints[:3], np.eye(3)
+
+    return msgspec.structs.replace(Served(side="left", period_s=0.028, forward=forward), **known)
+
+
+def arm_state(cycle: int, **known: object) -> ArmState:
+    """Return a state of an arm in which all is 0 that is not given."""
+    rest = {name: np.zeros(6) for name in ("measured", "nominal", "origin", "joints", "setpoint")}
+    return ArmState(cycle=cycle, **rest | known)  # type: ignore[arg-type]
+
+
 @contextmanager
-def served(run: Run, **keys: object) -> Iterator[tuple[ServedCell, Callable[[], RunRecord]]]:
+def served(
+    run: Run, *, realtime: bool = False, **keys: object
+) -> Iterator[tuple[ServedCell, Callable[[], RunRecord]]]:
     """Give a cell with open ports, all free ones, and what runs it to its end."""
     left, right = (
         ServedArmConfig(robot_port=port, sensor_port=0, http_port=0) for port in free_ports(2)
@@ -44,8 +75,8 @@ def served(run: Run, **keys: object) -> Iterator[tuple[ServedCell, Callable[[], 
     run.scenario = msgspec.structs.replace(before, serve=config)
     try:
         cell = ServedCell(run)
-        with cell.open() as lockstep:
-            yield cell, lockstep.run
+        with cell.open(realtime=realtime) as loop:
+            yield cell, loop.run
     finally:
         run.scenario = before
 

@@ -23,6 +23,8 @@ _LOOPBACK = "127.0.0.1"
 @command(
     "dualbend serve fig8 --out runs/served",
     "dualbend serve fig8 --client 'python my_controller.py'",
+    "dualbend serve fig8 --set serve.correction=relative --configs rsi",
+    "dualbend serve fig8 --realtime",
 )
 @SCENARIO
 @click.option("--out", type=PATH, help="Folder for the results.")
@@ -46,6 +48,11 @@ _LOOPBACK = "127.0.0.1"
     metavar="COMMAND",
     help="Start your controller, told its ports, and end it with the run; as serve.client.",
 )
+@click.option(
+    "--lockstep/--realtime",
+    default=True,
+    help="The robot waits for each answer, or goes by the clock: a late answer is late.",
+)
 @click.option("--configs", type=PATH, help="Folder for the RSI configuration of each arm.")
 def serve(
     scenario: str,
@@ -56,12 +63,13 @@ def serve(
     address: str,
     controller: str,
     client: str | None,
+    lockstep: bool,
     configs: Path | None,
 ) -> None:
     """Run a scenario by your own controller's answers.
 
-    Arms and sensors speak the protocols of real ones; the robot waits for each answer. The
-    results are those of dualbend run.
+    Arms and sensors speak the protocols of real ones; the robot waits for each answer, or with
+    --realtime goes by the clock. The results are those of dualbend run.
     """
 
     def drive(ready: Run, folder: Path, on_cycle: Callable[[int], None]) -> RunRecord:
@@ -75,14 +83,16 @@ def serve(
                 configs.mkdir(parents=True, exist_ok=True)
                 for name, text in cell.configurations().items():
                     write_whole(configs / name, text)
-        with cell.open() as lockstep:
+        with cell.open(realtime=not lockstep) as loop:
             for line in cell.told():
                 click.echo(line)
+            if not lockstep:
+                click.echo("real time: the first answers start the clock, late answers are late")
             if command:
                 click.echo(f"client: {command}; its output: {folder / FOLDER / OUTPUT}")
-                return run_by_client(cell, lockstep, command, folder / FOLDER, on_cycle)
+                return run_by_client(cell, loop, command, folder / FOLDER, on_cycle)
             click.echo("start your controller now: the cell waits for its first answer")
-            return lockstep.run(on_cycle)
+            return loop.run(on_cycle)
 
     if client is not None:
         from dualbend.scenario.toml_text import toml

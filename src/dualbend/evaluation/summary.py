@@ -15,7 +15,8 @@ from dualbend.run.record import RunRecord, Summary
 def summarise(result: RunRecord) -> Summary:
     """Return the numbers of a run, as ``summary.json`` holds them."""
     scenario = result.scenario
-    served = {"ports": list(result.ports)} if result.ports else {}
+    served = {"ports": list(result.ports), "lateness": list(result.lateness)}
+    served = {name: rows for name, rows in served.items() if rows}
     return Summary(
         scenario=scenario.name,
         seed=scenario.seed,

@@ -122,6 +122,7 @@ class RunRecord:
     laid : of each sheet of an assembly, (4, 3) as its holes lie over their pins [m]
     lessons : of each sheet of an assembly, what it was begun with and what was found, a row each
     ports : of a served run, what went to and came from each port, a row each
+    lateness : of a run served in real time, how late cell and answers were, a histogram
     contacts : those that the task does not intend, of a run in memory
     scene : model and stiffness, of a run in memory
     folder : from which the run was read back
@@ -141,6 +142,7 @@ class RunRecord:
     laid: tuple[Vector, ...] = ()
     lessons: tuple[TableRow, ...] = ()
     ports: tuple[TableRow, ...] = ()
+    lateness: tuple[TableRow, ...] = ()
     contacts: tuple[Contact, ...] = ()
     scene: Scene | None = None
     folder: Path | None = None

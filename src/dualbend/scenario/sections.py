@@ -270,17 +270,29 @@ class ServedArmConfig(Config):
     """What one arm of a served cell speaks, and on which ports."""
 
     robot: Annotated[
-        Literal["rsi", "egm", "none"],
-        said("KUKA RSI or ABB EGM; none: the arm follows its nominal path"),
+        Literal["rsi", "egm", "rtde", "none"],
+        said("KUKA RSI, ABB EGM or UR RTDE; none: the arm follows its nominal path"),
     ] = "rsi"
     robot_port: (
         Annotated[
             int,
             said(
                 "on which the controller waits for the robot; none: 49152 left and 49153 "
-                "right of RSI, 6510 and 6511 of EGM",
+                "right of RSI, 6510 and 6511 of EGM; of RTDE, on which the robot waits: 30004",
                 ge=1,
                 le=65535,
+            ),
+        ]
+        | None
+    ) = None
+    robot_address: (
+        Annotated[
+            str,
+            said(
+                "where a robot that speaks RTDE listens; none: --address, and 127.0.0.2 the right "
+                "one beside 127.0.0.1",
+                min_length=1,
+                max_length=255,
             ),
         ]
         | None
@@ -330,12 +342,24 @@ class ServeConfig(Config):
         Literal["absolute", "relative"],
         said("an answer is the whole deviation of its cycle, or what is added to the last one"),
     ] = "absolute"
-    limit_m: Annotated[float, said("largest deviation along an axis", gt=0, le=1)] = 0.05
-    limit_rad: Annotated[float, said("largest deviation about an axis", gt=0, le=1)] = 0.2
-    step_m: Annotated[float, said("its largest change in a cycle", gt=0, le=1)] = 0.005
-    step_rad: Annotated[float, said("its largest change in a cycle", gt=0, le=1)] = 0.05
+    path: Annotated[
+        Literal["inside", "outside"],
+        said("the cell runs the path and answers correct it, or answers are the whole motion"),
+    ] = "inside"
+    unknown: Annotated[
+        Literal["refused", "zero"],
+        said("RTDE's variables that the cell does not know: NOT_FOUND, or there and 0"),
+    ] = "refused"
+    limit_m: Annotated[float, said("largest deviation from the path along an axis", gt=0, le=1)] = (
+        0.05
+    )
+    limit_rad: Annotated[
+        float, said("largest deviation from the path about an axis", gt=0, le=1)
+    ] = 0.2
+    step_m: Annotated[float, said("largest change of an answer in a cycle", gt=0, le=1)] = 0.005
+    step_rad: Annotated[float, said("largest change of an answer in a cycle", gt=0, le=1)] = 0.05
     late_limit: Annotated[
-        int, said("wrong answers in a row at which the robot stops", ge=1, le=1_000_000)
+        int, said("wrong or missed answers in a row at which a robot stops", ge=1, le=1_000_000)
     ] = 100
     wait_s: Annotated[float, said("for the first answer", gt=0, le=86400)] = 60.0
     timeout_s: Annotated[float, said("for every later answer", gt=0, le=3600)] = 10.0

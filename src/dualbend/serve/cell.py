@@ -5,26 +5,40 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
+import numpy as np
+
 from dualbend.errors import InputError
 from dualbend.run.cell import believed_tool
 from dualbend.run.loop import Run
+from dualbend.run.planar import PlanarRun
 from dualbend.scenario.sections import ServeConfig
+from dualbend.scene.believed import SITES, BelievedArms
+from dualbend.scene.observation import BENDING_TO_WORLD
+from dualbend.scene.posed import PosedArms
 from dualbend.serve.lockstep import LockStep
-from dualbend.serve.port import RobotPort, SensorPort
+from dualbend.serve.port import RobotPort, SensorPort, Served
 from dualbend.serve.ports import with_ports
+from dualbend.serve.realtime import RealTime
 from dualbend.serve.robot.egm import EgmRobot
 from dualbend.serve.robot.rsi import RsiRobot
 from dualbend.serve.robot.telegram import configuration
+from dualbend.serve.robot.ur.robot import UrRobot
 from dualbend.serve.sensor.netft import NetFT
 from dualbend.types import SIDES, Side, Vector
 
 LOOPBACK = "127.0.0.1"
 
-_ROBOTS: dict[str, type[RsiRobot] | type[EgmRobot]] = {"rsi": RsiRobot, "egm": EgmRobot}
-_FIRST = {
-    "left": {"rsi": 49152, "egm": 6510, "netft": 49162, "http": 49172},
-    "right": {"rsi": 49153, "egm": 6511, "netft": 49163, "http": 49173},
+_ROBOTS: dict[str, type[RsiRobot] | type[EgmRobot] | type[UrRobot]] = {
+    "rsi": RsiRobot,
+    "egm": EgmRobot,
+    "rtde": UrRobot,
 }
+_FIRST = {
+    "left": {"rsi": 49152, "egm": 6510, "rtde": 30004, "netft": 49162, "http": 49172},
+    "right": {"rsi": 49153, "egm": 6511, "rtde": 30004, "netft": 49163, "http": 49173},
+}
+_BESIDE = "127.0.0.2"
+"""Of the second UR robot: it has an address of its own, as its clients cannot change its ports."""
 
 
 class ServedCell:
@@ -48,6 +62,7 @@ class ServedCell:
             raise InputError(
                 f"scenario {scenario.name!r}: task.kind = {scenario.task.kind!r}; served is bending"
             )
+        assert isinstance(run, PlanarRun)
         for option, given in (("--address", address), ("--controller", controller)):
             if not given:  # which would be every address of the machine
                 raise InputError(f'{option} is empty; give an address, "{LOOPBACK}" for example')
@@ -56,20 +71,28 @@ class ServedCell:
         self.config = with_ports(config) if own_ports else config
         if all(self.config.own(side).robot == "none" for side in SIDES):
             raise InputError("serve.left.robot and serve.right.robot are none: nothing is steered")
-        mode, correction = scenario.robot.alter.mode, self.config.correction
         for side in SIDES:
-            if self.config.own(side).robot != "egm":
-                continue
-            if correction != "absolute" or mode != "world":
-                raise InputError(
-                    f'serve.{side}.robot = "egm" answers with a whole pose in the bending frame: '
-                    f'it needs serve.correction = "absolute", not {correction!r}, and '
-                    f'robot.alter.mode = "world", not {mode!r}'
-                )
+            self._refuse_modes(side)
+
+    def _refuse_modes(self, side: Side) -> None:
+        """Refuse what a whole pose cannot mean."""
+        robot, scenario = self.config.own(side).robot, self._ready.scenario
+        mode, correction = scenario.robot.alter.mode, self.config.correction
+        wanted = []
+        if robot in ("egm", "rtde") and correction != "absolute":
+            wanted.append(f'serve.correction = "absolute", not {correction!r}')
+        streamed = self.config.path == "outside" and robot != "none"
+        if (robot in ("egm", "rtde") or streamed) and mode != "world":
+            wanted.append(f'robot.alter.mode = "world", not {mode!r}')
+        if wanted:
+            why = 'serve.path = "outside" streams whole poses'
+            if not streamed:
+                why = f'serve.{side}.robot = "{robot}" answers with a whole pose'
+            raise InputError(f"{why} in the bending frame: it needs {' and '.join(wanted)}")
 
     @contextmanager
-    def open(self) -> Iterator[LockStep]:
-        """Open the ports, for a run in lock step."""
+    def open(self, *, realtime: bool = False) -> Iterator[LockStep]:
+        """Open the ports, for a run in lock step or in real time."""
         period_s = self._ready.scenario.period_s
         with ExitStack() as stack:
             self.robots: list[RobotPort] = []
@@ -77,8 +100,8 @@ class ServedCell:
             for side in SIDES:
                 own = self.config.own(side)
                 if own.robot != "none":
-                    made = _ROBOTS[own.robot]
-                    robot = made(side, self._controller, self.robot_port(side), period_s)
+                    made, port = _ROBOTS[own.robot], self.robot_port(side)
+                    robot = made(self._served(side), self.robot_address(side), port)
                     stack.callback(robot.close)
                     self.robots.append(robot)
                 if own.sensor == "netft" and side in self._ready.scenario.compliance.sensing:
@@ -87,7 +110,42 @@ class ServedCell:
                     sensor = NetFT(side, self._address, port, http, period_s)
                     stack.callback(sensor.close)
                     self.sensors.append(sensor)
-            yield LockStep(self._ready, self.config, self.robots, self.sensors)
+            loop = RealTime if realtime else LockStep
+            yield loop(self._ready, self.config, self.robots, self.sensors)
+
+    def _served(self, side: Side) -> Served:
+        """Return what a robot's port knows of its arm."""
+        run = self._ready
+        scenario, arms, row = run.scenario, run.cell.arms, SIDES.index(side)
+        own = arms.joints(side)
+        believed, other = BelievedArms(PosedArms(run.cell.ik.model, SITES)), run.cell.home
+
+        def forward(joints: Vector) -> tuple[Vector, Vector]:
+            both = other.copy()
+            both[own] = joints
+            axes = believed.grip_axes(both)[row] * BENDING_TO_WORLD[row][:, np.newaxis]
+            return believed.grips(both)[row, :3], axes
+
+        mass_kg, centre_m = believed_tool(scenario, run.cell.simulation.model, side)
+        return Served(
+            side=side,
+            period_s=scenario.period_s,
+            joints=len(other[own]),
+            slides=any(slides for name, slides in arms.slides.items() if name.startswith(side)),
+            sensed=side in scenario.compliance.sensing,
+            tool_kg=mass_kg,
+            tool_m=centre_m,
+            unknown=self.config.unknown,
+            forward=forward,
+        )
+
+    def robot_address(self, side: Side) -> str:
+        """Return where a robot sends to, or listens where it is one that listens."""
+        own = self.config.own(side)
+        if own.robot != "rtde":
+            return self._controller
+        beside = _BESIDE if side == "right" and self._address == LOOPBACK else self._address
+        return own.robot_address or beside
 
     def robot_port(self, side: Side) -> int:
         """Return the port on which a side's controller waits for the robot."""
@@ -103,7 +161,8 @@ class ServedCell:
             lines.append(self._told_of_tool(side))
         if not scenario.compliance.sensing:
             lines.append("no sensor: no arm senses (compliance.sensing)")
-        for where in dict.fromkeys((self._address, self._controller)):
+        where_to = (self.robot_address(side) for side in SIDES)
+        for where in dict.fromkeys((self._address, self._controller, *where_to)):
             if where != "localhost" and not where.startswith("127."):
                 lines.append(f"open to the network: {where} is no loopback address")
         return lines

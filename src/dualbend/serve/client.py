@@ -41,6 +41,7 @@ def told_to(cell: ServedCell, folder: Path) -> dict[str, str]:
     """Return what a client is told, by name: ports, tools, its folder and this interpreter."""
     told = {**ports_of(cell.config), "folder": str(folder.resolve()), "python": sys.executable}
     for side in SIDES:
+        told[f"{side}_robot_address"] = cell.robot_address(side)
         mass_kg, centre_m = cell.tool(side)
         told[f"{side}_tool"] = " ".join(map(repr, (mass_kg, *centre_m.tolist())))
     return told

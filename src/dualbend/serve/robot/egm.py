@@ -3,64 +3,68 @@
 from __future__ import annotations
 
 import math
+import struct
 from contextlib import suppress
 
 import numpy as np
 
-from dualbend.control.alter import angles_of, turn
-from dualbend.serve.port import ArmState
+from dualbend.control.alter import turn
+from dualbend.serve.port import ArmState, Served
+from dualbend.serve.robot.pose import axes_of, deviation_from, quaternion_of
 from dualbend.serve.robot.protobuf import double, doubles, fields, message, whole
-from dualbend.serve.robot.udp import UdpRobot
-from dualbend.types import Side, Vector
+from dualbend.serve.robot.udp import LONGEST, UdpRobot
+from dualbend.types import Vector
 
 _DATA, _MOTORS_ON, _MCI_RUNNING, _RAPID_RUNNING = 2, 1, 3, 2
 _MOST_LATE = 1000
 """Packets that are taken off the socket before a question: who floods it is not waited for."""
+_LARGEST = 1e9
 _MOST_OFF = 1e-3
 """Of a quaternion's length from 1."""
 
 
 class EgmRobot(UdpRobot):
-    """The robot's end of EGM position guidance in poses.
+    """The robot's end of EGM position guidance, in poses or in joints.
 
     An answer carries its sender's own number, so it is the first packet after a question that
-    answers it: what came before is taken off the socket first.
+    answers it: what came before is taken off the socket first. The last of those is late.
     """
 
     protocol = "egm"
     units = (
         "ABB EGM: EgmSensor with planned.cartesian, the pose to go to, pos in mm and orient in the "
-        "arm's bending frame; planned of EgmRobot is the nominal pose, measuredForce the sensor's "
-        "reading"
+        "arm's bending frame, or planned.joints in degrees; planned of EgmRobot is the nominal "
+        "pose, measuredForce the sensor's reading"
     )
     faults = ("malformed", "late")
 
-    def __init__(self, side: Side, address: str, port: int, period_s: float) -> None:
-        super().__init__(side, address, port)
-        self._period_s = period_s
-        self._nominal: Vector = np.zeros(6)
+    def __init__(self, served: Served, address: str, port: int) -> None:
+        super().__init__(served, address, port)
+        self._origin: Vector = np.zeros(6)
 
     def ask(self, state: ArmState) -> None:
         """Send the state of a cycle, which makes the last answer old."""
+        last, self._stale, self._origin = self._stale, b"", state.origin
         with suppress(OSError):  # nothing is left, or nobody is there
             for _ in range(_MOST_LATE):
-                self._socket.recv(1)
+                last = self._socket.recv(LONGEST)
                 self._count["late"] += 1
+        found = self.decode(last)
+        self.late = None if isinstance(found, str) else found
         super().ask(state)
 
     def encode(self, state: ArmState) -> bytes:
         """Return the EgmRobot that tells the state of a cycle."""
-        self._nominal = state.nominal
-        return encode(state, state.cycle * self._period_s)
+        return encode(state, state.cycle * self.served.period_s)
 
     def decode(self, data: bytes) -> Vector | str:
-        """Return the deviation (6,) of the pose that an EgmSensor asks for from the nominal one."""
+        """Return the deviation (6,) of what an EgmSensor asks for from the origin."""
         found = decode(data)
-        if found is None:
+        if isinstance(found, tuple):
+            return deviation_from(self._origin, *found)
+        if found is None or len(found) != self.served.joints or self.served.slides:
             return "malformed"
-        place_m, axes = found
-        turned = angles_of(axes @ turn(self._nominal[3:]).T)
-        return np.concatenate((place_m - self._nominal[:3], turned))
+        return deviation_from(self._origin, *self.served.forward(np.radians(found)))
 
 
 def encode(state: ArmState, time_s: float) -> bytes:
@@ -88,10 +92,16 @@ def _pose(pose: Vector) -> bytes:
     return place + message(2, doubles(*quaternion_of(turn(pose[3:]))))
 
 
-def decode(data: bytes) -> tuple[Vector, Vector] | None:
-    """Return place (3,) [m] and axes (3, 3) of an EgmSensor; None: it asks for no pose."""
+def decode(data: bytes) -> tuple[Vector, Vector] | list[float] | None:
+    """Return what an EgmSensor asks for; None: nothing that is known.
+
+    Place (3,) [m] and axes (3, 3) of ``planned.cartesian``, or the joint angles [degrees] of
+    ``planned.joints``.
+    """
     try:
         planned = _one(data, 2)
+        if {number for number, _ in fields(planned)} == {1}:
+            return _angles(_one(planned, 1))
         pose = _one(planned, 2)
         place, orient = _doubles(_one(pose, 1), 3), _doubles(_one(pose, 2), 4)
     except ValueError:
@@ -99,7 +109,20 @@ def decode(data: bytes) -> tuple[Vector, Vector] | None:
     length = math.sqrt(sum(u * u for u in orient))
     if not abs(length - 1.0) <= _MOST_OFF:
         return None
-    return 1e-3 * np.array(place), _axes([u / length for u in orient])
+    return 1e-3 * np.array(place), axes_of([u / length for u in orient])
+
+
+def _angles(data: bytes) -> list[float]:
+    """Return the doubles of a repeated field 1, packed or not; ValueError where there are none."""
+    found = list[float]()
+    for number, value in fields(data):
+        more = [value] if isinstance(value, float) else []
+        if isinstance(value, bytes) and not len(value) % 8:
+            more = [angle for (angle,) in struct.iter_unpack("<d", value)]
+        if number != 1 or not more or not all(abs(angle) < _LARGEST for angle in more):
+            raise ValueError(f"field {number}: needs numbers")
+        found += more
+    return found
 
 
 def _one(data: bytes, number: int) -> bytes:
@@ -114,39 +137,9 @@ def _doubles(data: bytes, count: int) -> list[float]:
     """Return the doubles that are fields 1 to count; ValueError where one is not, or twice."""
     found = dict[int, float]()
     for number, value in fields(data):
-        if not isinstance(value, float) or not abs(value) < 1e9 or number in found:
+        if not isinstance(value, float) or not abs(value) < _LARGEST or number in found:
             raise ValueError(f"field {number}: needs a number")
         found[number] = value
     if set(found) != set(range(1, count + 1)):
         raise ValueError(f"needs {count} numbers")
     return [found[number] for number in range(1, count + 1)]
-
-
-def quaternion_of(r: Vector) -> list[float]:
-    """Return u0, u1, u2, u3 of axes (3, 3), u0 ≥ 0."""
-    squares = [
-        1.0 + r[0, 0] + r[1, 1] + r[2, 2],
-        1.0 + r[0, 0] - r[1, 1] - r[2, 2],
-        1.0 - r[0, 0] + r[1, 1] - r[2, 2],
-        1.0 - r[0, 0] - r[1, 1] + r[2, 2],
-    ]
-    a, b, c = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
-    d, e, f = r[1, 0] + r[0, 1], r[0, 2] + r[2, 0], r[2, 1] + r[1, 2]
-    # Of the four forms that of the largest element, which loses no digits.
-    forms = ((None, a, b, c), (a, None, d, e), (b, d, None, f), (c, e, f, None))
-    largest = int(np.argmax(squares))
-    root = math.sqrt(squares[largest])
-    u = [0.5 * root if part is None else 0.5 * float(part) / root for part in forms[largest]]
-    return u if u[0] >= 0.0 else [-part for part in u]
-
-
-def _axes(u: list[float]) -> Vector:
-    """Return the axes (3, 3) of a unit quaternion."""
-    w, x, y, z = u
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dualbend.serve.port import ArmState
+from dualbend.serve.port import ArmState, Served
 from dualbend.serve.robot.telegram import decode, encode
 from dualbend.serve.robot.udp import UdpRobot
-from dualbend.types import Side, Vector
+from dualbend.types import Vector
 
 
 class RsiRobot(UdpRobot):
@@ -16,11 +16,11 @@ class RsiRobot(UdpRobot):
         "KUKA RSI: <Sen> with RKorr and IPOC; RIst, RSol, RKorr in mm and degrees in the arm's "
         "bending frame (B is its bending angle)"
     )
-    faults = ("malformed", "wrong_ipoc")
+    faults = ("malformed", "wrong_ipoc", "late")
 
-    def __init__(self, side: Side, address: str, port: int, period_s: float) -> None:
-        super().__init__(side, address, port)
-        self._tick, self._ipoc = max(round(1e3 * period_s), 1), 0
+    def __init__(self, served: Served, address: str, port: int) -> None:
+        super().__init__(served, address, port)
+        self._tick, self._ipoc = max(round(1e3 * served.period_s), 1), 0
 
     def encode(self, state: ArmState) -> bytes:
         """Return the packet that tells the state of a cycle."""
@@ -33,4 +33,6 @@ class RsiRobot(UdpRobot):
         if found is None:
             return "malformed"
         ipoc, deviation = found
-        return deviation if ipoc == self._ipoc else "wrong_ipoc"
+        if ipoc == self._ipoc:
+            return deviation
+        return "late" if 0 < ipoc < self._ipoc and not ipoc % self._tick else "wrong_ipoc"

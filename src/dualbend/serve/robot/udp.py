@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import selectors
 from typing import ClassVar
 
 from dualbend.errors import refusing
 from dualbend.run.record import TableRow
-from dualbend.serve.port import ArmState, udp_socket
-from dualbend.types import Side, Vector
+from dualbend.serve.port import ArmState, Served, udp_socket
+from dualbend.types import Vector
 
 LONGEST = 8192
 """Bytes of an answer that is read."""
@@ -25,15 +26,17 @@ class UdpRobot:
     units: ClassVar[str]
     faults: ClassVar[tuple[str, ...]]
 
-    def __init__(self, side: Side, address: str, port: int) -> None:
-        self.side: Side = side
+    def __init__(self, served: Served, address: str, port: int) -> None:
+        self.side, self.served = served.side, served
         self.at = f"{address}:{port}"
         self.answer: Vector | None = None
-        self.wrong_in_a_row, self.refused = 0, False
+        self.late: Vector | None = None
+        self.missed, self._stale = False, b""
+        self.wrong_in_a_row, self.gone_wrong, self.hint, self._refused = 0, "", "", False
         self._packet = b""
         self._count = dict.fromkeys(("sent", "answered", "oversized", "doubled", *self.faults), 0)
         self._socket = udp_socket()
-        with refusing(f"the {side} arm's controller at {self.at}", OSError, UnicodeError):
+        with refusing(f"the {self.side} arm's controller at {self.at}", OSError, UnicodeError):
             self._socket.connect((address, port))
 
     def encode(self, state: ArmState) -> bytes:
@@ -44,22 +47,27 @@ class UdpRobot:
         """Return the deviation (6,) that an answer means, or which of the faults it has."""
         raise NotImplementedError
 
-    def fileno(self) -> int:
-        """Return the socket that is waited on."""
-        return self._socket.fileno()
+    def watch(self, selector: selectors.BaseSelector) -> None:
+        """Register what is waited on."""
+        selector.register(self._socket, selectors.EVENT_READ, self.receive)
+
+    @property
+    def refused(self) -> bool:
+        """Whether nobody was there and the answer is missing: a controller sees a state once."""
+        return self._refused and self.answer is None
 
     def ask(self, state: ArmState) -> None:
         """Send the state of a cycle, which makes the last answer old."""
-        self.answer, self._packet = None, self.encode(state)
+        self.answer, self.missed, self._packet = None, False, self.encode(state)
         self.again()
 
     def again(self) -> None:
         """Send the state again, to a controller that was not there."""
-        self.refused = False
+        self._refused = False
         try:
             self._socket.send(self._packet)
         except OSError:  # also what the last packet met
-            self.refused = True
+            self._refused = True
         else:
             self._count["sent"] += 1
 
@@ -70,12 +78,15 @@ class UdpRobot:
         except BlockingIOError:
             return
         except OSError:  # nobody is at the port
-            self.refused = True
+            self._refused = True
             return
         found: Vector | str = "oversized" if len(data) > LONGEST else self.decode(data)
         if isinstance(found, str):
             self._count[found] += 1
             self.wrong_in_a_row += 1
+        elif self.missed:
+            self._count["late"] += 1
+            self._stale = data
         elif self.answer is not None:
             self._count["doubled"] += 1
         else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import selectors
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -45,9 +46,9 @@ class NetFT:
             ("sent", "repeated", "requests", "malformed", "taken_over", "biased"), 0
         )
 
-    def fileno(self) -> int:
-        """Return the socket that is waited on."""
-        return self._socket.fileno()
+    def watch(self, selector: selectors.BaseSelector) -> None:
+        """Register what is waited on."""
+        selector.register(self._socket, selectors.EVENT_READ, self.receive)
 
     def publish(self, cycle: int, wrench: Vector, *, clipped: bool) -> None:
         """Tell the reading (6,) [N, N m] of a cycle, about the sensor's origin, in its axes."""

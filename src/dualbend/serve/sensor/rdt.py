@@ -13,8 +13,12 @@ COUNTS_PER_UNIT = 1_000_000
 """Of a force [N] and of a torque [N m], a Net F/T's own default in SI units."""
 
 STOP, STREAM, BUFFERED, BIAS = 0x0000, 0x0002, 0x0003, 0x0042
-SATURATED = 1 << 31
-"""Status: an error; which bit a gauge at its range's end sets besides is not told."""
+SATURATED = 1 << 31 | 1 << 30
+"""Status: an error (bit 31), force or torque out of range (bit 30).
+
+Source: ATI, manual 9610-05-Ethernet Axia-09, tables 4.7 and 4.9. That Axia sensors speak RDT with
+this status word is documented there; that a Net Box sets the same bits is assumed.
+"""
 
 _REQUEST, _RECORD = struct.Struct(">HHI"), struct.Struct(">III6i")
 _HEADER = 0x1234
