@@ -142,3 +142,52 @@ def test_without_the_extra_the_message_names_it(
         monkeypatch.delitem(sys.modules, name)
     with pytest.raises(InputError, match=r"pip install 'dualbend\[env\]'"):
         __import__("dualbend.env.arms")
+
+
+def test_worlds_are_the_environments_that_they_are_alone() -> None:
+    """Golden to the bit, of an environment of its own with the same seed and actions."""
+    rng = np.random.default_rng(3)
+    actions = rng.uniform(-1.0, 1.0, (200, 3, 6)) * np.array([1e-4, 1e-4, 0.01] * 2)
+    worlds = gymnasium.make_vec(
+        BEND, num_envs=3, vectorization_mode="vector_entry_point", settings=SHORT
+    )
+    alone = [BendEnv(settings=SHORT) for _ in range(3)]
+    seen, _ = worlds.reset(seed=7)
+    single = [env.reset(seed=7 + i)[0] for i, env in enumerate(alone)]
+    np.testing.assert_array_equal(seen, single)
+    assert worlds.observation_space.contains(seen)
+    ended = np.zeros(3, dtype=bool)
+    for action in actions:
+        seen, rewards, ended, _, infos = worlds.step(action)
+        steps = [env.step(one) for env, one in zip(alone, action, strict=True)]
+        np.testing.assert_array_equal(seen, [step[0] for step in steps])
+        np.testing.assert_array_equal(rewards, [step[1] for step in steps])
+        np.testing.assert_array_equal(ended, [step[2] for step in steps])
+        if ended.all():
+            break
+    assert ended.all()
+    assert infos["outcome"].tolist() == ["completed"] * 3
+    assert infos["metrics"]["peak_moment"][1] == steps[1][4]["metrics"]["peak_moment"]
+
+
+def test_a_world_that_stops_waits_for_the_others() -> None:
+    worlds = gymnasium.make_vec(
+        BEND, num_envs=2, vectorization_mode="vector_entry_point", settings=SHORT
+    )
+    worlds.reset(seed=1)
+    action = np.zeros((2, 6))
+    rewards, ended = [], np.zeros(2, dtype=bool)
+    outcomes: dict[int, str] = {}
+    while not ended.all():
+        action[1, [2, 5]] = 0.1 * (-1.0) ** len(rewards)
+        before = ended
+        _, reward, ended, _, infos = worlds.step(action)
+        rewards.append(reward)
+        for world in np.flatnonzero(ended & ~before):
+            outcomes[int(world)] = infos["outcome"][world]
+    assert outcomes[0] == "completed"
+    assert outcomes[1] == "protective_stop"
+    assert rewards[-1][1] == 0.0
+    assert min(reward[1] for reward in rewards) < -1000.0
+    with pytest.raises(InputError, match="together"):
+        worlds.reset(options={"reset_mask": np.array([True, False])})

@@ -315,7 +315,10 @@ def test_who_starts_no_program_is_told(run: Run) -> None:
     arm = ServedArmConfig(robot="rtde", robot_port=free_robot_port(), sensor="none")
     with served(run, left=arm, right=none, wait_s=0.2) as (_, go):
         record = go()
-    assert "in cycle 0 for 0.2 s (serve.wait_s) (its program does not run: ur_rtde's script" in record.reason
+    assert (
+        "in cycle 0 for 0.2 s (serve.wait_s) (its program does not run: ur_rtde's script"
+        in record.reason
+    )
 
 
 def test_joint_targets_are_the_same_pose_by_forward_kinematics(run: Run) -> None:

@@ -29,7 +29,7 @@ from dualbend.scene.observation import PLANAR
 from dualbend.scene.posed import PosedWorlds
 from dualbend.scene.warnings import warnings_counted_only
 from dualbend.task.bending.run import BendingRun
-from dualbend.types import SIDES, Mask, PlanarPose
+from dualbend.types import SIDES, Mask, PlanarPose, Vector
 
 _NO_AGES: NDArray[np.int_] = np.zeros(0, dtype=np.int_)
 
@@ -39,8 +39,9 @@ class BatchLoop:
 
     Attributes
     ----------
-    left : (n,) worlds that ended before their motion did
-    rows : cycles that are done
+    active, left : (n,) worlds that go on; those that ended before their motion did
+    cycles : (n,) of each world's motion
+    trace : of all worlds
     """
 
     def __init__(self, runs: Sequence[BendingRun], threads: int) -> None:
@@ -53,8 +54,8 @@ class BatchLoop:
         self._sample = self._physics.start()
         self._sensors = WristSensors.stacked([run.sensors for run in runs])
         self._controller = joined([run.path.controller for run in runs])
-        self._active: Mask = np.ones(n, dtype=np.bool_)
-        only = ActiveOnly(self._controller, self._active)
+        self.active: Mask = np.ones(n, dtype=np.bool_)
+        only = ActiveOnly(self._controller, self.active)
         self._path = ControlledPath.stacked([run.path for run in runs], only)
         links = [run.link for run in runs if run.link is not None]
         self._link = CommandLink.stacked(links) if links else None
@@ -73,15 +74,14 @@ class BatchLoop:
         if errors.weighs_wrong:
             self._physics.fed_forward = believed.coriolis
         self._motion(runs)
-        self._trace = first.recorder(int(self._cycles.max()), shape)
+        self.trace = first.recorder(int(self.cycles.max()), shape)
         self._q = self._nominal_q[:, 0].copy()
         self.left: Mask = np.zeros(n, dtype=np.bool_)
-        self.rows = 0
 
     def _motion(self, runs: Sequence[BendingRun]) -> None:
         """Hold what each world is to do in each cycle, the last one again after its end."""
-        self._cycles = np.array([run.motion.cycles for run in runs])
-        longest = int(self._cycles.max())
+        self.cycles = np.array([run.motion.cycles for run in runs])
+        longest = int(self.cycles.max())
 
         def table(rows: Iterable[NDArray[Any]]) -> NDArray[Any]:
             more = [(longest - len(row), row) for row in rows]
@@ -99,21 +99,23 @@ class BatchLoop:
         """Run all to their ends; yield each world that came to it, and its record, as it does."""
         started = time.perf_counter()
         with warnings_counted_only():
-            for n in range(int(self._cycles.max()) + 1):
-                ended = np.flatnonzero(self._active & (self._cycles == n))
-                self._active[ended] = False
+            for n in range(int(self.cycles.max()) + 1):
+                ended = np.flatnonzero(self.active & (self.cycles == n))
+                self.active[ended] = False
                 for world in ended.tolist():
-                    yield world, self._record(world, (time.perf_counter() - started) / len(ended))
-                if not self._active.any():
+                    yield world, self.record(world, (time.perf_counter() - started) / len(ended))
+                if not self.active.any():
                     return
-                self._cycle(n)
+                self.look()
+                self.act()
 
-    def _cycle(self, n: int) -> None:
-        """Run one command cycle of the active worlds, as a single run's does."""
-        began = time.perf_counter()
-        physics, trace = self._physics, self._trace
+    def look(self) -> Observation:
+        """Begin a command cycle: return what the controllers observe, of the active worlds."""
+        self._began = time.perf_counter()
+        physics, trace = self._physics, self.trace
+        n = trace.rows
         self._displace(n)
-        seen = physics.observe(self._active)
+        seen = physics.observe(self.active)
         pose = self._poses[:, n]
         period_s = self._runs[0].scenario.period_s
         bends = physics.observer.sheet.bending_angles(physics.data)
@@ -132,7 +134,8 @@ class BatchLoop:
         trace.record_reading(reading)
         beyond = self._sensor_guard.outside(reading.clipped, reading.fresh)
         self._leave(np.any(beyond, axis=(0, -1)))
-        observed = Observation.of(
+        self._seen, self._reference = seen, reference
+        self._observed = Observation.of(
             reading,
             time_s=(trace.rows - 1) * period_s,
             phase=self._names[self._phases[:, n]],
@@ -141,7 +144,12 @@ class BatchLoop:
             nominal=PlanarPose(np.repeat(pose[:, np.newaxis], len(SIDES), axis=1)),
             aside=self._measured.aside(seen),
         )
-        command = self._path.command(observed)
+        return self._observed
+
+    def act(self, action: Vector | None = None) -> None:
+        """End the cycle: command what the controllers answer, or deviations (n, 2, 6) instead."""
+        physics, n = self._physics, self.trace.rows - 1
+        command = self._path.command(self._observed, action)
         if isinstance(self._controller, OneByOne):
             self._leave(self._controller.failed)
         start = self._nominal_q[:, n] + (self._q - self._nominal_q[:, max(n - 1, 0)])
@@ -153,29 +161,30 @@ class BatchLoop:
         if self._link is not None:
             sent, ages = self._link.forward(self._q), self._link.age
             self._leave(np.any(self._link.starved, axis=-1))
-        error = reference - seen.q
+        error = self._reference - self._seen.q
         offset = self._integral.update(error)
         now = self._response.update(sent)
         setpoints = self._servo.setpoint(now.position, now.velocity, now.acceleration)
-        self._sample = physics.advance(setpoints + offset[:, np.newaxis], self._active)
+        self._sample = physics.advance(setpoints + offset[:, np.newaxis], self.active)
         self._leave(physics.failed)
-        wall_s = (time.perf_counter() - began) / len(self._runs)
-        trace.record_control(observed, command, solution, wall_s, ages)
+        wall_s = (time.perf_counter() - self._began) / len(self._runs)
+        self.trace.record_control(self._observed, command, solution, wall_s, ages)
 
     def _leave(self, worlds: Mask | np.bool) -> None:
         """Leave worlds to be run alone."""
-        self.left |= worlds & self._active
-        self._active &= ~worlds  # in place: others hold it
+        self.left |= worlds & self.active
+        self.active &= ~worlds  # in place: others hold it
 
     def _displace(self, n: int) -> None:
         """Apply the misalignment of the grips."""
         errors, changes = self._grip_errors, self._grips_change
         if errors is not None and changes is not None:
-            for world in np.flatnonzero(self._active & changes[:, n]).tolist():
+            for world in np.flatnonzero(self.active & changes[:, n]).tolist():
                 self._physics.displace(world, errors[world, n])
 
-    def _record(self, world: int, wall_s: float) -> RunRecord:
+    def record(self, world: int, wall_s: float = 0.0) -> RunRecord:
+        """Return what a world's run has left, which came to its end."""
         run = self._runs[world]
-        run.trace = self._trace.of_world(world, int(self._cycles[world]))
+        run.trace = self.trace.of_world(world, int(self.cycles[world]))
         run.cell.simulation.data.time = self._physics.time_s[world]
         return run.record("completed", wall_time_s=wall_s)

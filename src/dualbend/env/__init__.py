@@ -12,5 +12,9 @@ try:
 except ImportError as error:
     raise InputError(EXTRA) from error
 
-gymnasium.register("dualbend/Bend-v1", entry_point="dualbend.env.bend:BendEnv")
+gymnasium.register(
+    "dualbend/Bend-v1",
+    entry_point="dualbend.env.bend:BendEnv",
+    vector_entry_point="dualbend.env.worlds:BendWorlds",
+)
 gymnasium.register("dualbend/Assemble-v1", entry_point="dualbend.env.assemble:AssembleEnv")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -13,7 +14,7 @@ from dualbend.control.controller import Observation
 from dualbend.run.record import RunRecord
 from dualbend.run.stepped import open_cell
 from dualbend.scenario.load import Settings
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Reals, Vector
 
 SENSING = ('compliance.sensing=["left","right"]',)
 """Settings of an environment that is given none: both arms have a sensor."""
@@ -77,8 +78,8 @@ class CellEnv(gymnasium.Env[Vector, Vector]):
         return off
 
     @abstractmethod
-    def observed(self, observation: Observation) -> list[float]:
-        """Return what is observed besides the arms."""
+    def observed(self, observation: Observation) -> Sequence[Reals]:
+        """Return what is observed besides the arms, of any leading shape."""
 
     @abstractmethod
     def rewarded(self) -> tuple[float, Info]:
@@ -88,32 +89,39 @@ class CellEnv(gymnasium.Env[Vector, Vector]):
         """Begin a run; ``options`` says nothing here."""
         super().reset(seed=seed, options=options)
         drawn = int(self.np_random.integers(_SEEDS)) if seed is None else seed
-        return self._flat(self.cell.reset(drawn)), {"seed": drawn}
+        return self.flat(self.cell.reset(drawn)), {"seed": drawn}
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, Info]:
         """Run one command cycle; an action out of its space is brought to the nearest in it."""
-        inside = np.clip(action, self.action_space.low, self.action_space.high)
-        seen = self._flat(self.cell.step(inside.reshape(len(SIDES), 3)))
+        seen = self.flat(self.cell.step(self.inside(action)))
         reward, info = self.rewarded()
         if self.cell.done:
             record = self.cell.record()
-            info |= _end(record)
+            info |= end_of(record)
             reward -= self.failure_cost * (record.outcome != "completed")
         return seen, reward, self.cell.done, False, info
+
+    def inside(self, action: Vector) -> Vector:
+        """Return actions (..., 6) brought into their space, of each arm (..., 2, 3)."""
+        inside = np.clip(action, self.action_space.low, self.action_space.high)
+        return inside.reshape(*inside.shape[:-1], len(SIDES), 3)
 
     def close(self) -> None:
         """End the run."""
         self.cell.close()
 
-    def _flat(self, observation: Observation) -> Vector:
-        """Return what is observed, within the bounds of its space."""
+    def flat(self, observation: Observation) -> Vector:
+        """Return what is observed (..., k), within the bounds of its space."""
         wrench = np.nan_to_num(observation.filtered.planar)
-        arms = np.hstack([wrench, self.grips(observation)]).ravel()
-        flat = np.concatenate([arms, self.observed(observation)])
+        arms = np.concatenate((wrench, self.grips(observation)), axis=-1)
+        arms = arms.reshape(*arms.shape[:-2], -1)
+        more = [np.broadcast_to(each, arms.shape[:-1]) for each in self.observed(observation)]
+        flat = np.concatenate((arms, np.stack(more, axis=-1)), axis=-1)
         inside: Vector = np.clip(flat, self.observation_space.low, self.observation_space.high)
         return inside
 
 
-def _end(record: RunRecord) -> Info:
+def end_of(record: RunRecord) -> Info:
+    """Return what the info of an episode's last step has of its run."""
     metrics = {name: metric.value for name, metric in record.metrics.items()}
     return {"outcome": record.outcome, "reason": record.reason, "metrics": metrics}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dualbend.control.controller import Observation
@@ -9,7 +11,7 @@ from dualbend.env.base import SENSING, CellEnv, Info
 from dualbend.errors import InputError
 from dualbend.scenario.load import Settings
 from dualbend.task.bending.run import cycles
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Reals, Vector
 
 
 class BendEnv(CellEnv):
@@ -43,14 +45,16 @@ class BendEnv(CellEnv):
             raise InputError(f"scenario {scenario.name!r}: dualbend/Bend-v1 needs a bending")
         return [(0.0, np.pi), (0.0, cycles(scenario) * scenario.period_s)]
 
-    def observed(self, observation: Observation) -> list[float]:
+    def observed(self, observation: Observation) -> Sequence[Reals]:
         """Return bending angle and time."""
-        return [float(observation.nominal.alpha_rad[0]), observation.time_s]
+        return observation.nominal.alpha_rad[..., 0], observation.time_s
 
     def rewarded(self) -> tuple[float, Info]:
         """Return how little the grips' moments are."""
         trace = self.cell.trace
         moment_nm: Vector = np.array([trace[f"{side}_true_moment_y"][-1] for side in SIDES])
-        return -0.5 * float(np.sum((moment_nm / self.moment_scale_nm) ** 2)), {
-            "moment_nm": moment_nm
-        }
+        return float(self.reward(moment_nm)), {"moment_nm": moment_nm}
+
+    def reward(self, moment_nm: Vector) -> Reals:
+        """Return that of true moments at both grips (..., 2) [N m]."""
+        return np.asarray(-0.5 * np.sum((moment_nm / self.moment_scale_nm) ** 2, axis=-1))

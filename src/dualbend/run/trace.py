@@ -245,6 +245,10 @@ class TraceRecorder(Trace):
         own._qpos, own.rows = own._positions, rows
         return own
 
+    def last(self, name: str) -> Vector:
+        """Return a column of the last row (...)."""
+        return self._row()[..., self._index[name]]
+
     def _row(self) -> Vector:
         """Return the last row (..., columns), to be written."""
         return self._table[..., self.rows - 1, :]
