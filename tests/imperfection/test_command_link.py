@@ -153,6 +153,12 @@ def test_a_doubled_command_takes_the_next_ones_cycle() -> None:
     assert np.mean(ages) == pytest.approx(0.2, abs=0.025)
 
 
+def test_a_command_whose_cycle_a_doubled_one_took_is_gone() -> None:
+    """Exact: none is late, so each executed one is this cycle's or older by a cycle than before."""
+    _, ages = sent(link(doubled_probability=0.5, lost_probability=0.3, burst_cycles=3.0), 2000)
+    assert set(np.unique(ages[1:][ages[1:] > 0] - ages[:-1][ages[1:] > 0])) == {1}
+
+
 # --- what stops ---------------------------------------------------------------------------------
 
 

@@ -67,9 +67,9 @@ def test_a_drift_grows_linearly_since_the_zero() -> None:
     drifting = sensor(
         period_s=0.5, force_drift_n_per_h=7.2, torque_drift_nm_per_h=0.36, zeroed_before_s=100.0
     )
-    seconds = 100.0 + 0.5 * np.arange(9)
+    seconds = 100.0 + 0.5 * np.arange(70)
     expected = np.outer(seconds, np.repeat([2e-3, 1e-4], 3))
-    assert np.allclose(readings(drifting, 9) - LOAD, expected, rtol=0, atol=1e-12)
+    assert np.allclose(readings(drifting, 70) - LOAD, expected, rtol=0, atol=1e-12)
 
 
 def test_a_drifts_spread_is_of_each_axis_and_arm_and_stays() -> None:
@@ -226,15 +226,15 @@ def test_a_drop_out_tells_the_last_reading_for_its_length() -> None:
 
 
 def test_a_stuck_sensor_sends_one_reading_from_and_for_a_time() -> None:
-    """Exact: from 0.28 s for 0.14 s is cycles 10 to 14; the other arm's goes on."""
-    errors = {"stuck": ("left",), "stuck_from_s": 0.28, "stuck_for_s": 0.14}
-    told, arrived = ramp(sensor(**errors), 30)
-    expected = np.arange(30)
-    expected[10:15] = 9
+    """Exact: from 1.4 s for 0.14 s is cycles 50 to 54; the other arm's goes on."""
+    errors = {"stuck": ("left",), "stuck_from_s": 1.4, "stuck_for_s": 0.14}
+    told, arrived = ramp(sensor(**errors), 70)
+    expected = np.arange(70)
+    expected[50:55] = 49
     assert np.array_equal(told, expected)
     assert arrived.all()  # a record came: only its content tells
-    told, _ = ramp(sensor(IDEAL, (1, "right"), **errors), 30)
-    assert np.array_equal(told, np.arange(30))
+    told, _ = ramp(sensor(IDEAL, (1, "right"), **errors), 70)
+    assert np.array_equal(told, np.arange(70))
     # From the start it is the first reading that stands.
     assert set(ramp(sensor(stuck=("left",)), 9)[0]) == {0.0}
 
