@@ -250,6 +250,15 @@ def test_a_doubtful_force_seeks_slower_and_none_does_not_seek() -> None:
     assert plain[0] == pytest.approx(T * 1e-9 * 0.2)
 
 
+def test_a_share_of_seeking_is_one_of_the_least_speed_in_turning_alone() -> None:
+    admittance = ObjectAdmittance(
+        ObjectComplianceConfig(), np.array([0.0, 1.0]), np.full((2, 3), 1e-9), period_s=T
+    )
+    speed = admittance.update(np.array([1.0, 0.0, 1.0]), 0.0, seeking=0.25) / T
+    # Analytic: all of 0.5 mm/s, a quarter of 5 mrad/s.
+    np.testing.assert_allclose(speed, [0.5e-3, 0.0, 1.25e-3], rtol=1e-5)
+
+
 def test_seeking_never_slows_down() -> None:
     """A margin below what seeking leaves is not used up further."""
     config = msgspec.structs.replace(NO_BAND, gain_margin=1.1)

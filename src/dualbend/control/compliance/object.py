@@ -92,8 +92,10 @@ class ObjectAdmittance:
         columns = [np.interp(bend, self._bends, column) for column in self._mobility.T]
         return np.stack(columns, axis=-1, dtype=np.float64)
 
-    def update(self, wrench: Vector, bend: Reals, seeking: bool | Mask = False) -> Vector:
+    def update(self, wrench: Vector, bend: Reals, seeking: Reals | Mask = False) -> Vector:
         """Take net force x, y [N] and moment z [N m] (..., 3); return the deviation (..., 3).
+
+        ``seeking`` (...): 0, or the share of the least speed in turning that the sheet seeks with.
 
         Seeking, on the tips of pins, it goes where the force points with a speed of its own: near
         the top of a tip the force is small however far the pin is. What the loop's margin leaves is
@@ -103,16 +105,16 @@ class ObjectAdmittance:
         beyond = np.sign(wrench) * np.maximum(np.abs(wrench) - self._band, 0.0)
         speed = self.mobility(bend) * beyond
         if np.any(seeking):
-            sought = speed.copy()
+            sought, share_of_turn = speed.copy(), np.asarray(seeking)[..., np.newaxis]
             for part, least, sure, flank in (
                 (slice(0, 2), self.config.seek_m_per_s, _SURE_N, _FLANK_N),
-                (slice(2, 3), self.config.seek_rad_per_s, _SURE_NM, _FLANK_NM),
+                (slice(2, 3), share_of_turn * self.config.seek_rad_per_s, _SURE_NM, _FLANK_NM),
             ):
                 force = beyond[..., part]
                 share = flank / np.maximum(_size(force), flank)
                 sought[..., part] *= 1.0 + (self._seeking - 1.0) * share
                 sought[..., part] *= _raised(sought[..., part], force, least, sure)
-            speed = np.where(np.asarray(seeking)[..., np.newaxis], sought, speed)
+            speed = np.where(share_of_turn, sought, speed)
         moved = self.deviation + self._period_s * speed
         self.deviation = np.clip(moved, -self._limit, self._limit)
         return self.deviation.copy()
@@ -123,7 +125,7 @@ def _size(vector: Vector) -> Vector:
     return np.hypot(vector[..., :1], vector[..., 1:]) if vector.shape[-1] > 1 else np.abs(vector)
 
 
-def _raised(speed: Vector, force: Vector, least: float, sure: float) -> Vector:
+def _raised(speed: Vector, force: Vector, least: Reals, sure: float) -> Vector:
     """Return by what a speed is multiplied that must not be below ``least`` for a sure force."""
     size = _size(speed)
     wanted = least * np.minimum(1.0, _size(force) / sure)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from dualbend.task.assembly.program.held import Slack
 from dualbend.task.assembly.program.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program.search import HolePair
+from dualbend.task.assembly.program.seats import PinGuard
 from dualbend.task.assembly.program.state import State
 from dualbend.task.assembly.program.steps import Step
 
@@ -16,13 +17,14 @@ from dualbend.task.assembly.program.steps import Step
 class Phase:
     """A phase of the program; where ``holes`` are not on their pins at its end, back by one.
 
-    ``slack``: acts in all its steps.
+    ``slack`` and ``guard`` act in all its steps.
     """
 
     name: str
     steps: Sequence[Step]
     holes: HolePair | None = None
     slack: Slack | None = None
+    guard: PinGuard | None = None
 
 
 @dataclass
@@ -56,6 +58,9 @@ class Execution:
             What was sensed tells that the assembly cannot go on.
         """
         self.state.seen.append(sensed)
+        guard = self.table[self.state.row].guard
+        if guard is not None:
+            guard.check(self.state)
         self.goal = self._next_goal()
         return self.goal
 

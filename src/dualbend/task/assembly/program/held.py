@@ -95,22 +95,28 @@ class Level(Correction):
     """Raise or lower each arm by itself until the flat sheet's end neither carries nor pulls it.
 
     The end of a flat sheet holds up an arm that is 0.3 mm too low as much as a tip does, but not
-    one that is raised by ``most`` [m]. ``softness`` (2,) [m/N] of the ends.
+    one that is raised by ``most`` [m]. ``softness`` (2,) [m/N] of the ends. Then it waits until
+    what was felt before is forgotten: by half a second's mean it is told whether the ends are still
+    held up.
     """
 
     softness: Vector
 
     def advance(self, state: State) -> bool:
         """Raise or lower them a little."""
+        if state.cycle == 0:
+            state.still = state.mean_cycles
         excess, levels = state.ends_held_up(quick=True), np.array(state.levels)
         at_the_end = (np.abs(levels) == self.most) & (excess * levels > 0.0)
         off = (np.abs(excess) > self.force) & ~at_the_end
+        state.cycle += 1
         if not off.any() or self.late(state):
-            return False
+            state.still += 1
+            return state.still < state.mean_cycles
+        state.still = 0
         moved = levels + _LEVEL_RATE_PER_S * self.period_s * self.softness * excess * off
         left, right = np.clip(moved, -self.most, self.most).tolist()
         state.levels = left, right
-        state.cycle += 1
         return True
 
 

@@ -56,7 +56,8 @@ class Goal:
 
     ``levels`` (2,) [m]: by how much each arm is to be higher than the posture says.
     ``phase``: index into `PHASES`. ``alpha_ratio``: bending angle, over that at which the sheet is
-    laid, for which the compliance is scheduled; None: no compliance. ``seeking``: the sheet lies on
+    laid, for which the compliance is scheduled; None: no compliance. ``seeking``, with this share
+    of the least speed in turning: the sheet lies on
     the tips of pins, whose flanks it feels, not their sides. ``relax``: it goes back to where it
     was sent. ``attempt``: counted from 0.
     """
@@ -65,7 +66,7 @@ class Goal:
     posture: Posture
     levels: tuple[float, float] = (0.0, 0.0)
     alpha_ratio: float | None = None
-    seeking: bool = False
+    seeking: float = 0.0
     relax: bool = False
     attempt: int = 0
 

@@ -39,7 +39,8 @@ class HolePair:
     force [N] holds them above the coordinate. ``cannot``: what it means that they went ``felt``
     down at two places, one hole on a pin then, and did not come on; 0: of any end of the search.
     ``sunk``: height from where on down one of them must be on its pin. ``centre`` (2,) [m] between
-    them, about which they turn.
+    them, about which they turn. ``turning``: share of the least speed in turning with which they
+    are sought: holes farther out move as fast as the middle.
     """
 
     name: Literal["middle", "outer"]
@@ -58,6 +59,7 @@ class HolePair:
     yields: Callable[[float], float] = rigid
     sunk: float = -math.inf
     centre: Vector = field(default_factory=lambda: np.zeros(2))
+    turning: float = 1.0
 
     def value(self, state: State) -> float:
         """Return the present value of the coordinate."""
@@ -131,7 +133,7 @@ class MoveDown(Move):
         support = holes.support(state, quick=True)
         if not state.seeking and support <= holes.touch_n and state.go_on():
             return True
-        state.seeking = False
+        state.seeking = 0.0
         if value <= self.bottom:
             return False
         if support <= 0.3 * holes.touch_n:
@@ -147,7 +149,8 @@ class MoveDown(Move):
         back = PRESS_RATE_PER_S * self.pace.period_s * holes.softness * excess_n
         pressed = {holes.coordinate: max(value + back, self.bottom)}
         state.posture = replace(state.posture, **pressed)
-        state.pressed, state.still, state.seeking = state.pressed + 1, state.still + 1, True
+        state.pressed, state.still = state.pressed + 1, state.still + 1
+        state.seeking = holes.turning
         return True
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from dualbend.planning.geometry import Circle, circles, smallest_circle
 from dualbend.scene.bed.config import Group, HolesConfig
+from dualbend.task.assembly.config import AssemblyConfig
 from dualbend.task.assembly.program.motions import Pace, Posture, interpolate, turned
 from dualbend.task.assembly.program.search import HolePair
 from dualbend.task.assembly.program.state import Pushed, State
@@ -28,6 +29,9 @@ _ONE_PIN, _AT_AN_END = 0.5, 0.3
 
 At each end by itself, too: arms that stick may jump across between both.
 """
+
+_PUSHED = 0.7
+"""Share of what a pin bears with which a sheet may push it."""
 
 _NO_PLAY = 0.5
 """Share of a play below which a turned sheet has none; arms that overshoot make some of it."""
@@ -151,6 +155,39 @@ class CheckPlay(Step):
             f"held after {1e3 * turned:.2f} mrad, where a hole and its pin as drawn leave "
             f"{1e3 * self.play:.2f}; the hole is too small, or the pin too thick"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PinGuard:
+    """What stops the task where the sheet pushes the middle pins hard, before they are damaged.
+
+    Both share a force across, one of them may bear all of one along, and a moment M presses them by
+    M/2s, s their arm; what presses one against the other is not felt. ``most`` [N].
+    """
+
+    arm_m: float
+    most: float
+
+    @classmethod
+    def of(cls, config: AssemblyConfig) -> PinGuard | None:
+        """Return an assembly's; None of arms that do not comply: they just go."""
+        if config.compliance is None:
+            return None
+        most = _PUSHED * config.limits.pin_force_n
+        return cls(arm_m=circles(config.layout.holes)[0].radius_m, most=most)
+
+    def check(self, state: State) -> None:
+        """Look at the last reading; where nothing was measured in the air, there is none."""
+        if state.free is None:
+            return
+        along, across, moment = state.contact_wrench(state.seen[-1].net).tolist()
+        turning = abs(moment) / (2.0 * self.arm_m) if self.arm_m else 0.0
+        push = math.hypot(along, 0.5 * abs(across) + turning)
+        if push > self.most:
+            raise state.stopped(
+                f"the sheet pushes a middle pin with {push:.1f} N, above {self.most:g} N: by "
+                f"{along:.1f} N along, {across:.1f} N across and {moment:.2f} N m"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -58,14 +58,14 @@ class State:
     ``row``: phase, counted through all sheets; ``step`` of it; ``attempt``. ``cycle``: cycles spent
     in the step, of at most ``cycles``. ``begin``, ``end``: of the present motion. ``pressed``:
     cycles in which a held up sheet was pressed on, ``still`` of them since it was at ``lowest``;
-    ``seeking``: it is now. ``seen``: the last measurements; ``empty``, ``free``: their means with
-    empty jaws, and with the bent sheet in the air; ``seated``: on the middle pins, the outer holes
-    above theirs. ``height`` [m]: by how much the arms are raised, since by the press on the middle
-    they stand too low; ``slack`` [m]: by how much farther out each is, since the flat sheet was
-    pushed; ``levels`` (2,) [m]: by how much each is higher, since its end was held up.
-    ``touch_from``: place from which the sheet is moved towards a pin; ``pushed``: by pins, the last
-    two times. ``tried``: places at which the present pair of holes did not find its pins.
-    ``memory`` of the sheets before.
+    ``seeking``: it is now, with this share of the least speed in turning. ``seen``: the last
+    measurements; ``empty``, ``free``: their means with empty jaws, and with the bent sheet in the
+    air; ``seated``: on the middle pins, the outer holes above theirs. ``height`` [m]: by how
+    much the arms are raised, since by the press on the middle they stand too low; ``slack``
+    [m]: by how much farther out each is, since the flat sheet was pushed; ``levels`` (2,) [m]:
+    by how much each is higher, since its end was held up. ``touch_from``: place from which the
+    sheet is moved towards a pin; ``pushed``: by pins, the last two times. ``tried``: places at
+    which the present pair of holes did not find its pins. ``memory`` of the sheets before.
     """
 
     posture: Posture
@@ -81,7 +81,7 @@ class State:
     tried: list[Tried] = field(default_factory=list)
     still: int = 0
     lowest: float = 0.0
-    seeking: bool = False
+    seeking: float = 0.0
     seen: deque[Sensed] = field(init=False)
     empty: Sensed | None = None
     free: Sensed | None = None

@@ -24,7 +24,7 @@ from dualbend.task.assembly.program.learning import Carry, Learn
 from dualbend.task.assembly.program.middle import BentMiddle, Yields, rigid
 from dualbend.task.assembly.program.motions import CHECK, Pace, Posture
 from dualbend.task.assembly.program.search import GoAside, HolePair, MoveDown, Turn
-from dualbend.task.assembly.program.seats import Feeling
+from dualbend.task.assembly.program.seats import Feeling, PinGuard
 from dualbend.task.assembly.program.state import State, mean_cycles
 from dualbend.task.assembly.program.steps import (
     CheckFlat,
@@ -190,7 +190,8 @@ class AssemblyProgram:
             if config.compliance is not None:
                 on_middle += [settle(alpha_ratio=1.0), *feel.middle()]
                 jammed += feel.jammed(middle)
-        touch, slack, EI = self._unfold_to_touch(layer), self._slack(), sheet.bending_stiffness_nm2
+        touch, slack, ready = self._unfold_to_touch(layer), self._slack(), settle(alpha_ratio=1.0)
+        over_pins, EI = partial(Phase, guard=PinGuard.of(config)), sheet.bending_stiffness_nm2
         weight, least = sheet.mass_kg * GRAVITY_M_PER_S2, self.least_moment_nm
         weighed, clamped = CheckWeight(weight, self.least_force_n), weight * sheet.length_m / 12.0
         # Under tension, which arms that do not comply cannot take off, every sheet turns its grips.
@@ -210,11 +211,11 @@ class AssemblyProgram:
             ),
             Phase("carry", [Carry(pace=self.pace, z=over), settle()], slack=slack),
             Phase("bend", [move(pace=slow, alpha=self.bend_rad), settle(), Measure("free")]),
-            Phase("lower", self._lower(layer, middle, settle())),
-            Phase("seat middle", [settle(alpha_ratio=1.0), *self._press(middle), *jammed], middle),
-            Phase("unfold", [touch, *on_middle, settle(alpha_ratio=1.0), Measure("seated")]),
-            Phase("lower outer", self._lower_outer(layer, touch, outer), slack=slack),
-            Phase("seat outer", [settle(alpha_ratio=0.0), *self._level(outer)], outer, slack),
+            over_pins("lower", self._lower(layer, middle, settle())),
+            over_pins("seat middle", [ready, *self._press(middle), *jammed], middle),
+            Phase("unfold", [touch, *on_middle, ready, Measure("seated")]),
+            over_pins("lower outer", self._lower_outer(layer, touch, outer), slack=slack),
+            over_pins("seat outer", [settle(alpha_ratio=0.0), *self._level(outer)], outer, slack),
             Phase(CHECK, [*on_all, *slacken, *self._learn()], slack=slack),
             Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
@@ -230,7 +231,8 @@ class AssemblyProgram:
             for speed in (speeds.contact_m_per_s, speeds.seat_m_per_s)
         )
         return [
-            self._move(z=tips + _TIP_MARGIN_M),
+            # Arms that stand too low, which they do not know, must come off the pins as well.
+            replace(self._move(z=tips + _TIP_MARGIN_M + pins.height_m), retry_only=True),
             replace(settle, retry_only=True),
             GoAside(
                 pace=self.pace,
@@ -242,6 +244,7 @@ class AssemblyProgram:
                 retry_only=True,
                 relax=True,
             ),
+            self._move(z=tips + _TIP_MARGIN_M),
             self._down(holes, contact, z=past_tips),
             self._down(holes, seat, top=past_tips, z=holes.target),
         ]
@@ -369,6 +372,7 @@ class AssemblyProgram:
             patience_s=_PATIENCE_S,
             progress=math.pi / sheet.length_m * _PROGRESS_M,
             attempts=len(self.config.search.turns(layout.holes)),
+            turning=(self._middle.radius_m / self._outer.radius_m) or 1.0,
             cannot="the middle ones are on theirs, and were turned through all of their play: pins "
             "or holes are not as far apart, or as thick, as drawn",
             felt=0.0,
@@ -377,11 +381,7 @@ class AssemblyProgram:
     # -- its steps --------------------------------------------------------------------------
 
     def _move(
-        self,
-        *,
-        pace: Pace | None = None,
-        alpha_ratio: float | None = None,
-        **to: float,
+        self, *, pace: Pace | None = None, alpha_ratio: float | None = None, **to: float
     ) -> Move:
         return Move(to=to, pace=pace or self.pace, alpha_ratio=alpha_ratio)
 
