@@ -73,6 +73,9 @@ class SensorErrors(Config):
     tool_centre_spread_m: Annotated[
         float, said("standard deviation of that error, by axis and arm", ge=0, le=1)
     ] = 0.0
+    weight_place_spread_m: Annotated[
+        float, said("of a calibration's weight in the gripper, by axis and grip", ge=0, le=0.1)
+    ] = 0.0
     dropout_probability: _Probability = 0.0
     dropout_cycles: Annotated[int, said("without a reading, each time", ge=1, le=1_000_000)] = 1
     stuck: Annotated[
@@ -95,6 +98,32 @@ class SensorErrors(Config):
             stream(seed, "sensor", side, "tool centre"), self.tool_centre_spread_m, (3,)
         )
         return mass_kg * max(float(ratio), 0.0), centre_m + error
+
+    def matrix(self, seed: int, side: Side, config: ForceTorqueConfig) -> Vector:
+        """Return C (6, 6) of one arm's sensor."""
+        full = _pair(*config.full_scale)
+        talk = cut_normal(
+            stream(seed, "sensor", side, "cross-talk"), self.cross_talk_spread, (6, 6)
+        )
+        found: Vector = talk * np.divide.outer(full, full)
+        scale = cut_normal(stream(seed, "sensor", side, "scale"), self.scale_spread, (6,))
+        np.fill_diagonal(found, self.scale_ratio + scale)
+        return found
+
+    def drift_per_h(self, seed: int, side: Side) -> Vector:
+        """Return the rate (6,) at which one arm's sensor drifts [N/h, N m/h]."""
+        spread = _pair(self.force_drift_spread_n_per_h, self.torque_drift_spread_nm_per_h)
+        mean = _pair(self.force_drift_n_per_h, self.torque_drift_nm_per_h)
+        return mean + spread * cut_normal(stream(seed, "sensor", side, "drift"), 1.0, (6,))
+
+    @property
+    def walk(self) -> Vector:
+        """Standard deviation (6,) of the random walk after an hour [N, N m]."""
+        return _pair(self.force_walk_n, self.torque_walk_nm)
+
+
+def _pair(force: float, torque: float) -> Vector:
+    return np.repeat([force, torque], 3)
 
 
 class ErringSensor(Sensor):
@@ -145,27 +174,17 @@ class _Errors:
         def draws(name: str, repeat: int = 0) -> np.random.Generator:
             return stream(seed, "sensor", side, name, repeat=repeat)
 
-        def pair(force: float, torque: float) -> Vector:
-            return np.repeat([force, torque], 3)
-
         self._errors, self._period_s = errors, period_s
-        full = pair(*config.full_scale)
-        talk = cut_normal(draws("cross-talk"), errors.cross_talk_spread, (6, 6))
-        self._matrix: Vector = talk * np.divide.outer(full, full)
-        scale = errors.scale_ratio + cut_normal(draws("scale"), errors.scale_spread, (6,))
-        np.fill_diagonal(self._matrix, scale)
-        spread = pair(errors.force_drift_spread_n_per_h, errors.torque_drift_spread_nm_per_h)
-        rate = pair(errors.force_drift_n_per_h, errors.torque_drift_nm_per_h)
-        rate = rate + spread * cut_normal(draws("drift"), 1.0, (6,))
+        self._matrix = errors.matrix(seed, side, config)
+        rate, walk = errors.drift_per_h(seed, side), errors.walk
         self._drift_per_cycle = rate * period_s / _HOUR_S
-        walk = pair(errors.force_walk_n, errors.torque_walk_nm)
         self._walk_per_cycle = walk * np.sqrt(period_s / _HOUR_S)
         self._walks, self._spikes, self._dropouts = (
             draws(name, repeat) for name in ("walk", "spike", "drop-out")
         )
         before = errors.zeroed_before_s / _HOUR_S
         self._drift = rate * before + walk * np.sqrt(before) * self._walks.standard_normal(6)
-        self._spike = pair(errors.spike_force_n, errors.spike_torque_nm)
+        self._spike = _pair(errors.spike_force_n, errors.spike_torque_nm)
         stuck_s = errors.stuck_from_s, errors.stuck_from_s + errors.stuck_for_s
         self._stuck = [s / period_s - 1e-6 if side in errors.stuck else 0.0 for s in stuck_s]
         self._cycle, self._missing = 0, 0

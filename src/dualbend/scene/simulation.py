@@ -235,6 +235,15 @@ class Simulation:
         """Axes of both wrist sensors in the world (2, 3, 3)."""
         return np.asarray(self.data.site_xmat[self._ft_sites].reshape(2, 3, 3))
 
+    def sensor_axes_at(self, poses: Vector) -> Vector:
+        """Return those axes (k, 2, 3, 3) of the true arms at encoders' angles (k, n)."""
+        data, found = mujoco.MjData(self.model), np.empty((len(poses), 2, 9))
+        for i, q in enumerate(poses):
+            data.qpos[self._q] = q
+            mujoco.mj_kinematics(self.model, data)
+            found[i] = data.site_xmat[self._ft_sites]
+        return found.reshape(-1, 2, 3, 3)
+
     @property
     def grip_axes(self) -> Vector:
         """Axes of both grips in the world (2, 3, 3)."""
