@@ -222,6 +222,30 @@ def test_force_at_the_grip_makes_no_moment_there() -> None:
     assert np.allclose(sample.raw.force_n, ALONG_Z @ force, atol=1e-14)
 
 
+def test_a_calibration_takes_back_what_the_sensor_makes_of_a_wrench() -> None:
+    """The tool's weight is taken off after it: the sensor errs on both."""
+    wrong = np.eye(6) + 0.01 * np.random.default_rng(3).standard_normal((6, 6))
+    wrench = np.array([3.0, -20.0, 8.0, 0.4, -0.2, 1.0])
+    tool = ToolGravityCompensation(TOOL_MASS, TOOL_COM)
+    read = wrong @ (wrench + tool.wrench(SKEWED))
+    found = [
+        WrenchChain(
+            Sensor(ForceTorqueConfig(**IDEAL), np.random.default_rng(0)),
+            tool,
+            LowPass(NoFilterConfig(), period_s=COMMAND_PERIOD_S),
+            np.eye(3),
+            matrix,
+        )
+        .update(read, SKEWED)
+        .raw.components
+        for matrix in (None, np.linalg.inv(wrong))
+    ]
+    lever = np.array([ForceTorqueConfig().lever_arm_m, 0.0, 0.0])
+    expected = np.r_[wrench[:3], wrench[3:] - np.cross(lever, wrench[:3])]
+    assert found[1] == pytest.approx(expected, abs=1e-9)
+    assert np.abs(found[0] - expected).max() > 0.05
+
+
 def test_tool_weight_points_down_at_its_centre_of_mass() -> None:
     tool = ToolGravityCompensation(TOOL_MASS, TOOL_COM)
     for r_ws in poses(5, 3):

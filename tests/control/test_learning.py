@@ -132,6 +132,31 @@ def test_a_run_of_a_few_cycles_is_too_short() -> None:
         law().update(np.zeros((2, 5)), np.zeros((2, 5)))
 
 
+def test_what_feedback_did_is_learned_as_what_it_read_is() -> None:
+    """Of the same cause, G M, both teach the same."""
+    d, found = disturbance(), law()
+    nothing = np.zeros_like(d)
+    read = found.update(nothing, d)
+    assert np.abs(read).max() > 1e-3
+    assert found.update(nothing, nothing, np.linalg.inv(STIFFNESS) @ d) == pytest.approx(read)
+
+
+@pytest.mark.parametrize(("averaged", "expected"), [(1, 2.0 / (2.0 - 0.85)), (1000, 1.0)])
+def test_what_differs_from_sheet_to_sheet_is_learned_with_its_noise_or_averaged(
+    averaged: int, expected: float
+) -> None:
+    """White from sheet to sheet, variance 1: a gain γ leaves 2/(2 − γ), a mean nothing more."""
+    config = LearningConfig(gain=0.85, averaged_sheets=averaged, limit_rad=0.5)
+    one = LearningLaw(config, np.eye(1), 0, period_s=COMMAND_PERIOD_S)
+    cells, sheets = 2000, 60
+    drawn = 0.05 * np.random.default_rng(1).standard_normal((sheets, cells, 1, 1))
+    u = np.zeros((cells, 1, 16))
+    for i in range(sheets):
+        left = drawn[i] - u
+        u = one.update(u, left, sheets=i + 1)
+    assert (left / 0.05).var() == pytest.approx(expected, abs=0.1)
+
+
 # --- what a run does with it -----------------------------------------------------------------
 
 

@@ -94,6 +94,7 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
             "grasp.friction=0.5",
             "imperfections.robot.zero_rad=[0, 0, 0, 0, 0, 0]",
             "imperfections.events={arm_stop={}, power_failure={}, oil={}}",
+            "sensor.calibration={}",
             "serve={}",
         ],
     )
@@ -121,7 +122,7 @@ def test_the_sections_hold_every_key_of_the_code() -> None:
     ):
         held |= walk(msgspec.to_builtins(load_scenario("fig6", kinds)), "") - {
             *("task.misalignment", "cell.left", "cell.right"),
-            *("compliance.x", "compliance.rotation"),
+            *("compliance.x", "compliance.rotation", "sensor.calibration"),
             *("robot.servo.integral", "robot.servo.friction_estimate", "learning", "serve"),
             *("robot.left.response", "robot.right.response"),
             *(f"imperfections.events.{name}" for name in ("arm_stop", "power_failure", "oil")),

@@ -12,11 +12,15 @@ from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import load_scenario
 from dualbend.stability.learning import LearningPrediction, learning_plants, predict_learning
-from dualbend.types import SIDES
+from dualbend.types import SIDES, Vector
 
 FEEDBACK = (
     'compliance={kind="admittance",units="paper",sensing=["left","right"],'
     'complying=["left","right"],rotation={b=0.5,k=10000.0,form="printed"}}'
+)
+INTEGRAL = (
+    'compliance={kind="mass-spring-damper",sensing=["left","right"],'
+    'complying=["left","right"],pitch={b=15.0}}'
 )
 ONE_SENSOR = 'compliance={kind="none",sensing=["left"],complying=[]}'
 
@@ -47,13 +51,26 @@ def test_what_would_grow_is_refused_with_its_frequency(setting: str, frequency_h
         found.refuse_divergence()
 
 
-def test_feedback_is_in_the_plant_and_takes_from_the_lead() -> None:
-    """At rest a correction costs K/(1 + K/b) with feedback of 1/b: G = 1/K + 1/b."""
-    alone, closed = predicted("path.start_rad=0.5"), predicted("path.start_rad=0.5", FEEDBACK)
+def test_feedback_takes_its_share_of_a_correction_and_shows_it() -> None:
+    """At rest a correction costs K/(1 + K/b) with feedback of 1/b, whose turn is 1/b times that."""
+    scenario = load_scenario("learned", [FEEDBACK])
+    rest = np.exp(-2j * math.pi * 1e-4 * COMMAND_PERIOD_S * np.ones(1))
+    found = (each[0, 0].real for each in learning_plants(scenario, np.array([0.5]), rest))
+    alone, closed, turned = found
     compliance = math.pi / 180.0 / 0.5
-    expected = np.linalg.inv(alone.stiffness) + compliance * np.eye(2)
-    assert np.linalg.inv(closed.stiffness) == pytest.approx(expected, rel=0.03)
-    assert closed.law.lead_cycles < alone.law.lead_cycles
+    assert np.linalg.inv(closed) == pytest.approx(
+        np.linalg.inv(alone) + compliance * np.eye(2), rel=0.03
+    )
+    assert turned == pytest.approx(compliance * closed, rel=1e-3)
+
+
+def test_feedback_that_integrates_is_learned_from() -> None:
+    """At rest it leaves no moment to learn from; its own turn is all that a correction lacks."""
+    found = predicted(INTEGRAL)
+    found.refuse_divergence()
+    assert found.contraction[:, 0] == pytest.approx(0.15, abs=0.01)  # 1 − γ
+    with pytest.raises(InputError, match="would grow"):
+        predicted(INTEGRAL.replace("b=15.0", "b=7.0")).refuse_divergence()
 
 
 def test_the_stiffness_of_two_arms_is_that_of_their_modes() -> None:
@@ -112,19 +129,32 @@ def uncorrected(compliance: tuple[str, ...]) -> RunRecord:
     return make_run(load_scenario("learned", ["imperfections=none", *compliance])).run()
 
 
-def measured(plain: RunRecord, frequency_hz: float, sign: float) -> complex:
-    """Return P [N m/rad] of a mode while the sheet is bent from 0.4 to 0.8 rad, by two runs."""
+def measured(plain: RunRecord, frequency_hz: float, sign: float) -> tuple[complex, complex]:
+    """Return P [N m/rad] and D of a mode while the sheet is bent from 0.4 to 0.8 rad, by two runs.
+
+    What moment and feedback's turn lose per correction.
+    """
     t, alpha = plain["time"], plain["nominal_alpha"]
     sine = AMPLITUDE_RAD * np.sin(2.0 * math.pi * frequency_hz * t) * np.minimum(t, 1.0)
-    moved = make_run(plain.scenario, correction=np.array([sine, sign * sine])).run()
-    left, right = (moved[f"{s}_filtered_moment_y"] - plain[f"{s}_filtered_moment_y"] for s in SIDES)
+    corrections = np.array([sine, sign * sine])
+    moved = make_run(plain.scenario, correction=corrections).run()
     rows = np.flatnonzero((alpha >= 0.4) & (alpha <= 0.8) & (plain["phase"] == 1))
     weights = np.hanning(rows.size) * np.exp(-2j * math.pi * frequency_hz * t[rows])
-    return complex(-(weights @ (left + sign * right)[rows]) / (2.0 * weights @ sine[rows]))
+
+    def lost(name: str, added: Vector) -> complex:
+        left, right = (
+            moved[f"{side}_{name}"] - plain[f"{side}_{name}"] - own
+            for side, own in zip(SIDES, added, strict=True)
+        )
+        return complex(-(weights @ (left + sign * right)[rows]) / (2.0 * weights @ sine[rows]))
+
+    return lost("filtered_moment_y", 0.0 * corrections), lost("deviation_alpha", corrections)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("compliance", [(), (FEEDBACK,)], ids=["alone", "feedback"])
+@pytest.mark.parametrize(
+    "compliance", [(), (FEEDBACK,), (INTEGRAL,)], ids=["alone", "feedback", "integral"]
+)
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["symmetric", "antisymmetric"])
 @pytest.mark.parametrize("frequency_hz", [0.5, 1.0, 2.0, 3.0])
 def test_the_contraction_of_the_physics_is_the_predicted_one(
@@ -134,11 +164,12 @@ def test_the_contraction_of_the_physics_is_the_predicted_one(
     scenario = plain.scenario
     law = predict_learning(scenario).law
     z_inverse = np.exp(-2j * math.pi * frequency_hz * COMMAND_PERIOD_S * np.ones(1))
-    alphas = np.linspace(0.4, 0.8, 5)
-    model = learning_plants(scenario, alphas, z_inverse).mean(axis=0)[0] @ [1.0, sign]
-    gain = (law.gain @ [1.0, sign])[0] * z_inverse[0] ** -law.lead_cycles
+    _, *plants = learning_plants(scenario, np.linspace(0.4, 0.8, 5), z_inverse)
+    model = [(each.mean(axis=0)[0] @ [1.0, sign])[0] for each in plants]
+    gain = (law.gain @ [1.0, sign])[0]
     expected, found = (
-        law.low_pass(z_inverse)[0] * abs(1.0 - gain * plant)
-        for plant in (model[0], measured(plain, frequency_hz, sign))
+        law.low_pass(z_inverse)[0]
+        * abs(1.0 - z_inverse[0] ** -law.lead_cycles * (gain * plant + law.config.gain * turn))
+        for plant, turn in (model, measured(plain, frequency_hz, sign))
     )
     assert found == pytest.approx(expected, abs=0.1)

@@ -239,6 +239,26 @@ def test_the_command_leaves_table_picture_recording_and_what_was_learned(tmp_pat
     assert set(learned.correction_rad) == set(SIDES)
 
 
+def test_the_command_shows_the_spread_over_cells(tmp_path: Path) -> None:
+    cells = ("--seeds", "2", "--no-record", "--out", str(tmp_path))
+    code, output = invoke("--sheets", "2", *cells)
+    assert code == 0
+    rows = [read_rows(tmp_path / f"seed-{seed}") for seed in (1, 2)]
+    lines = (tmp_path / "cells.md").read_text(encoding="utf-8").splitlines()
+    number, count, median, worst, *_ = lines[-1].strip("| ").split(" | ")
+    assert (number.strip(), count.strip()) == ("2", "2")
+    ratios = np.divide(*([row[i]["peaks_nm"] for row in rows] for i in (1, 0)))
+    for text, expected in ((median, np.median(ratios, axis=0)), (worst, ratios.max(axis=0))):
+        assert [float(word) for word in text.split(", ")] == pytest.approx(expected, abs=0.006)
+    code, output = invoke(*cells, "--from", str(tmp_path / "seed-1" / LEARNED))
+    assert code == 2
+    assert "--seeds 2: what was learned before" in output
+
+
+def read_rows(folder: Path) -> list[dict[str, list[float]]]:
+    return [msgspec.json.decode(line) for line in (folder / "runs.jsonl").read_bytes().splitlines()]
+
+
 def test_the_command_refuses_what_would_grow(tmp_path: Path) -> None:
     code, output = invoke("--out", str(tmp_path), "--set", "learning.gain=2.2")
     assert code == 2

@@ -44,6 +44,18 @@ def test_of_what_the_jaws_took_only_their_plane_stays() -> None:
     np.testing.assert_allclose(errors[-1], stays + ERROR.errors(), atol=1e-15)
 
 
+def test_grips_that_differ_do_so_from_sheet_to_sheet_and_not_within_one() -> None:
+    spread = ["task.misalignment={along_spread_m=1e-4,pitch_spread_rad=1e-3}"]
+    found = np.array(
+        [imposed_errors(load_scenario(STRIP6, [*spread, f"repeat={i}"])) for i in range(200)]
+    )
+    again = imposed_errors(load_scenario(STRIP6, [*spread, "repeat=7"]))
+    np.testing.assert_array_equal(found[7], again)
+    # Statistical: relative error of a standard deviation of 400 draws 1/√800.
+    assert found[:, :, [0, 4]].std(axis=(0, 1)) == pytest.approx([1e-4, 1e-3], rel=0.15)
+    assert not found[:, :, [1, 2, 3, 5]].any()
+
+
 def test_no_error_is_no_misalignment() -> None:
     assert imposed_errors(load_scenario(STRIP6, SHORT)) is None
     assert (

@@ -47,7 +47,12 @@ def structure(run: BendingRun) -> Hashable:
     numbers = (
         *(getattr(model, name) for name in _SIZES),
         *(model.opt.timestep, model.opt.disableflags, scenario.period_s),
-        *(sensor.may_repeat, scenario.compliance.tare, scenario.compliance.in_space),
+        *(
+            sensor.may_repeat,
+            sensor.calibration is None,
+            scenario.compliance.tare,
+            scenario.compliance.in_space,
+        ),
         *(errors.link.errs, errors.robot.displaces, errors.robot.weighs_wrong),
         *(errors.robot.stiction_excess > 0.0, run.grip_errors is not None),
         *(scenario.compliance.sensing, scenario.compliance.complying),

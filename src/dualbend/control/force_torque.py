@@ -26,6 +26,22 @@ _Error = Annotated[float, msgspec.Meta(ge=-1e4, le=1e4)]
 _Bias = said("constant error along x, y, z of the sensor")
 
 
+class CalibrationConfig(Config):
+    """Each wrist sensor is calibrated in the cell with a known weight, once for all sheets.
+
+    The arm turns its last three joints to some attitudes and reads there, with the empty gripper
+    and with the weight, each time that it grips it anew. The weight lies in the gripper with its
+    centre at the grip's. That the arms have room for it is not looked at.
+    """
+
+    weight_kg: Annotated[
+        float, said("what is held for it; 0: nothing, the tool's own weight alone", ge=0, le=100)
+    ] = 1.5
+    attitudes: Annotated[int, said("in which is read", ge=3, le=200)] = 12
+    grips: Annotated[int, said("times that the weight is gripped", ge=1, le=50)] = 8
+    readings: Annotated[int, said("averaged in each attitude", ge=1, le=1000)] = 36
+
+
 class ForceTorqueConfig(Config):
     """Errors, limits and place of the wrist sensor.
 
@@ -63,6 +79,7 @@ class ForceTorqueConfig(Config):
     lever_arm_m: Annotated[
         float, said("sensor to grip centre as the controller believes it [m]", ge=0, le=1)
     ] = 0.12
+    calibration: CalibrationConfig | None = None
 
     def __post_init__(self) -> None:
         for name, limit, count in (
@@ -238,7 +255,8 @@ class WrenchChain(Stackable):
     along x_G and R_GS (3, 3) from S to G. The elements are of one leading shape; the low-pass has
     six channels and takes the first reading as its steady state. Where there is no new sample the
     last reading stands. A reading is fresh that is of a new sample, arrived and, of a sensor with a
-    count of noise, is not equal to the last one on all axes.
+    count of noise, is not equal to the last one on all axes. ``matrix`` (..., 6, 6) makes the
+    wrench of a reading that a calibration found; None: it is the reading.
 
     Raises
     ------
@@ -252,6 +270,7 @@ class WrenchChain(Stackable):
         tool: ToolGravityCompensation,
         low_pass: LowPass,
         rotation_grip_sensor: ArrayLike,
+        matrix: ArrayLike | None = None,
     ) -> None:
         rotation = np.asarray(rotation_grip_sensor, dtype=np.float64)
         if (
@@ -261,6 +280,7 @@ class WrenchChain(Stackable):
         ):
             raise InputError(f"rotation_grip_sensor: need a (3, 3) rotation, got {rotation!r}")
         self.sensor, self.tool, self.low_pass = sensor, tool, low_pass
+        self._matrix = None if matrix is None else np.asarray(matrix)
         lever = np.multiply.outer(sensor.lever_arm_m, np.eye(1, 3))
         axes = np.broadcast_to(np.eye(6), (*sensor.lever_arm_m.shape, 6, 6))
         units = Wrench(axes, "sensor", "sensor").turned(rotation, "grip").moved(lever, "grip")
@@ -280,7 +300,8 @@ class WrenchChain(Stackable):
         changed = (reading != self._last).any(axis=-1) | self.sensor.may_repeat
         self._last, self._clipped = reading, clipped
         grips = np.empty((2, *reading.shape))
-        grips[0] = matvec(self._to_grip, reading - self.tool.wrench(rotation_world_sensor))
+        told = reading if self._matrix is None else matvec(self._matrix, reading)
+        grips[0] = matvec(self._to_grip, told - self.tool.wrench(rotation_world_sensor))
         if not self._primed:
             self.low_pass.reset(grips[0])
             self._primed = True

@@ -1,12 +1,14 @@
 """Iterative learning: a correction of the bending angle over time, learned from sheet to sheet.
 
-After sheet j, whose arms read the moments M_j [N m] under the corrections u_j [rad],
+After sheet j, whose arms read the moments M_j [N m] under the corrections u_j [rad] while their
+feedback turned them by q_j [rad],
 
-    u_{j+1} = Q [u_j + γ G z^m M_j],
+    u_{j+1} = Q [u_j + γ z^m (G M_j + q_j)],
 
 G the inverse of the rotational stiffness from correction to reading, z^m the lead that makes up for
-the loop's delay, Q a low-pass without phase. With M_j = d − P u_j what is not yet learned shrinks
-by |Q (1 − L P)|, L = γ G z^m, from sheet to sheet at each frequency. It is time that repeats, not
+the loop's delay, Q a low-pass without phase: what feedback did comes before it has to the next
+time. With M_j = d − P u_j and q_j = r − D u_j what is not yet learned shrinks by |Q (1 − L P)|,
+L P = γ z^m (G P + D), from sheet to sheet at each frequency. It is time that repeats, not
 the angle: arms, sheet and loop are as late at one speed as at another. Source: Bristow, Tharayil
 and Alleyne, A survey of iterative learning control, IEEE Control Systems Magazine 26(3), 2006,
 equation (4), and its stability in the frequency domain.
@@ -28,6 +30,9 @@ from dualbend.types import Config, Mask, Vector, said
 ORDER = 2
 """Of the Butterworth filter that runs forwards and backwards."""
 
+_FULL_SHEETS = 3
+"""That teach with the whole gain, whatever is averaged: what repeats is learned by then."""
+
 _Speed = Annotated[float, said("of the bending angle [rad/s]", gt=0, le=5)]
 
 
@@ -41,6 +46,15 @@ class LearningConfig(Config):
     gain: Annotated[
         float, said("share of a moment's cause that one sheet corrects [-]", gt=0, le=10)
     ] = 0.85
+    averaged_sheets: Annotated[
+        int,
+        said(
+            "to which what differs is averaged: from the fourth sheet on the gain falls to a half, "
+            "a third, down to this part of it",
+            ge=1,
+            le=1000,
+        ),
+    ] = 1
     cutoff_hz: Annotated[
         float, said("frequency up to which is learned, half of it there", ge=0.1, le=1e3)
     ] = 3.0
@@ -79,17 +93,30 @@ class LearningLaw:
         self.period_s, self._ramp_cycles = period_s, ramp_cycles
         self._sections = signal.butter(ORDER, config.cutoff_hz, fs=1.0 / period_s, output="sos")
 
-    def update(self, correction: Vector, moment: Vector) -> Vector:
+    def update(
+        self,
+        correction: Vector,
+        moment: Vector,
+        deviation: Vector | float = 0.0,
+        *,
+        sheets: int = 1,
+    ) -> Vector:
         """Return the correction (..., arms, cycles) [rad] of the next sheet, within its bound.
+
+        ``deviation`` (..., arms, cycles): by how much feedback turned the arms besides [rad];
+        ``sheets``: how many have taught, this one included. A smaller gain contracts, too:
+        |1 − γ x| is convex in γ.
 
         Raises InputError where a value is not finite, or the run is too short to be filtered.
         """
-        if not (np.isfinite(correction).all() and np.isfinite(moment).all()):
+        if not all(np.isfinite(each).all() for each in (correction, moment, deviation)):
             raise InputError("learning: a reading that is no number teaches nothing")
         later = np.minimum(
             np.arange(moment.shape[-1]) + self.lead_cycles, max(moment.shape[-1] - 1, 0)
         )
-        learned = self.filtered(correction + self.gain @ moment[..., later])
+        wrong = self.gain @ moment + self.config.gain * np.asarray(deviation)
+        share = 1.0 / np.clip(sheets - _FULL_SHEETS + 1, 1, self.config.averaged_sheets)
+        learned = self.filtered(correction + share * wrong[..., later])
         limit = self.config.limit_rad
         return np.clip(learned, -limit, limit) * self._ramp(learned.shape[-1])
 
@@ -107,13 +134,17 @@ class LearningLaw:
         _, response = signal.sosfreqz(self._sections, worN=-np.angle(z_inverse))
         return np.asarray(np.abs(response) ** 2)
 
-    def learning(self, z_inverse: ComplexVector) -> ComplexVector:
-        """Return L (n, arms, arms) where z⁻¹ (n,) is given [rad/(N m)]."""
-        return np.asarray(z_inverse[:, np.newaxis, np.newaxis] ** -self.lead_cycles * self.gain)
+    def contraction(
+        self, z_inverse: ComplexVector, plant: ComplexVector, deviation: ComplexVector | float = 0.0
+    ) -> Vector:
+        """Return |Q (1 − L P)| (n,), the largest singular value.
 
-    def contraction(self, z_inverse: ComplexVector, plant: ComplexVector) -> Vector:
-        """Return |Q (1 − L P)| (n,), the largest singular value, of a plant P (n, arms, arms)."""
-        left = np.eye(len(self.gain)) - self.learning(z_inverse) @ plant
+        ``plant`` P and ``deviation`` D (n, arms, arms): what moment and feedback's turn lose per
+        correction.
+        """
+        later = z_inverse[:, np.newaxis, np.newaxis] ** -self.lead_cycles
+        wrong = self.gain @ plant + self.config.gain * np.asarray(deviation)
+        left = np.eye(len(self.gain)) - later * wrong
         return np.asarray(self.low_pass(z_inverse) * np.linalg.norm(left, 2, axis=(1, 2)))
 
     def _ramp(self, cycles: int) -> Vector:

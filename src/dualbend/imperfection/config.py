@@ -59,7 +59,13 @@ PRESETS: Final[Mapping[PresetName, Mapping[str, Numbers]]] = {
                 "zeroed_before_s": 600.0,
             }
         },
-        "believed tool": {"sensor": {"tool_mass_spread": 0.01, "tool_centre_spread_m": 0.001}},
+        "believed tool": {
+            "sensor": {
+                "tool_mass_spread": 0.01,
+                "tool_centre_spread_m": 0.001,
+                "weight_place_spread_m": 1e-4,
+            }
+        },
         "command link": {
             "link": {"jitter_s": 0.002, "lost_probability": 5e-4, "doubled_probability": 5e-4}
         },
@@ -96,7 +102,13 @@ PRESETS: Final[Mapping[PresetName, Mapping[str, Numbers]]] = {
                 "zeroed_before_s": 3600.0,
             }
         },
-        "believed tool": {"sensor": {"tool_mass_spread": 0.05, "tool_centre_spread_m": 0.005}},
+        "believed tool": {
+            "sensor": {
+                "tool_mass_spread": 0.05,
+                "tool_centre_spread_m": 0.005,
+                "weight_place_spread_m": 3e-4,
+            }
+        },
         "sensor records": {
             "sensor": {
                 "dropout_probability": 0.01,

@@ -74,6 +74,9 @@ class SensorErrors(Config):
     tool_centre_spread_m: Annotated[
         float, said("standard deviation of that error, by axis and arm", ge=0, le=1)
     ] = 0.0
+    weight_place_spread_m: Annotated[
+        float, said("of a calibration's weight in the gripper, by axis and grip", ge=0, le=0.1)
+    ] = 0.0
     dropout_probability: _Probability = 0.0
     dropout_cycles: Annotated[int, said("without a reading, each time", ge=1, le=1_000_000)] = 1
     stuck: Annotated[
@@ -96,6 +99,32 @@ class SensorErrors(Config):
             stream(seed, "sensor", side, "tool centre"), self.tool_centre_spread_m, (3,)
         )
         return mass_kg * max(float(ratio), 0.0), centre_m + error
+
+    def matrix(self, seed: int, side: Side, config: ForceTorqueConfig) -> Vector:
+        """Return C (6, 6) of one arm's sensor."""
+        full = _pair(*config.full_scale)
+        talk = cut_normal(
+            stream(seed, "sensor", side, "cross-talk"), self.cross_talk_spread, (6, 6)
+        )
+        found: Vector = talk * np.divide.outer(full, full)
+        scale = cut_normal(stream(seed, "sensor", side, "scale"), self.scale_spread, (6,))
+        np.fill_diagonal(found, self.scale_ratio + scale)
+        return found
+
+    def drift_per_h(self, seed: int, side: Side) -> Vector:
+        """Return the rate (6,) at which one arm's sensor drifts [N/h, N m/h]."""
+        spread = _pair(self.force_drift_spread_n_per_h, self.torque_drift_spread_nm_per_h)
+        mean = _pair(self.force_drift_n_per_h, self.torque_drift_nm_per_h)
+        return mean + spread * cut_normal(stream(seed, "sensor", side, "drift"), 1.0, (6,))
+
+    @property
+    def walk(self) -> Vector:
+        """Standard deviation (6,) of the random walk after an hour [N, N m]."""
+        return _pair(self.force_walk_n, self.torque_walk_nm)
+
+
+def _pair(force: float, torque: float) -> Vector:
+    return np.repeat([force, torque], 3)
 
 
 class ErringSensor(Sensor):
@@ -122,21 +151,9 @@ class ErringSensor(Sensor):
         def streams(name: str, repeat: int = 0) -> list[np.random.Generator]:
             return [stream(seed, "sensor", side, name, repeat=repeat) for seed, side in arms]
 
-        def parts(name: str, *size: int) -> Vector:
-            """Return what is each sensor's own for ever, of standard deviation 1."""
-            every = [cut_normal(own, 1.0, size) for own in streams(name)]
-            return np.reshape(every, (*shape, *size))
-
-        full = _pair(*config.full_scale)
-        talk = parts("cross-talk", 6, 6) * errors.cross_talk_spread
-        self._matrix = talk * np.divide.outer(full, full)
-        axes = np.arange(6)
-        scale = errors.scale_ratio + parts("scale", 6) * errors.scale_spread
-        self._matrix[..., axes, axes] = scale
-        spread = _pair(errors.force_drift_spread_n_per_h, errors.torque_drift_spread_nm_per_h)
-        rate = _pair(errors.force_drift_n_per_h, errors.torque_drift_nm_per_h)
-        rate = rate + spread * parts("drift", 6)
-        walk = _pair(errors.force_walk_n, errors.torque_walk_nm) + np.zeros_like(rate)
+        self._matrix = np.reshape([errors.matrix(*arm, config) for arm in arms], (*shape, 6, 6))
+        rate = np.reshape([errors.drift_per_h(*arm) for arm in arms], (*shape, 6))
+        walk = errors.walk + np.zeros_like(rate)
         self._drift_per_cycle = rate * period_s / _HOUR_S
         self._walk_per_cycle = walk * np.sqrt(period_s / _HOUR_S)
         walks, before = streams("walk", repeat), errors.zeroed_before_s / _HOUR_S
@@ -201,10 +218,6 @@ class ErringSensor(Sensor):
         stands = missing | ((self._stuck_from <= cycles) & (cycles < self._stuck_until))
         self._arrivals, self._stands = ~missing, stands[..., np.newaxis]
         self._repeats: Mask = np.any(stands.reshape(BLOCK, -1), axis=1)
-
-
-def _pair(force: float, torque: float) -> Vector:
-    return np.repeat([force, torque], 3)
 
 
 def _dropouts(rng: np.random.Generator, probability: float, cycles: int) -> Iterator[bool]:

@@ -33,7 +33,8 @@ def refuse_overload(
     """
     data = mujoco.MjData(robots)
     for side, placed in zip(SIDES, arms, strict=True):
-        _refuse_payload(scenario, robots, side, placed.model)
+        carried = scenario.task.carried_share * scenario.sheet.sheet().mass_kg
+        refuse_payload(robots, side, placed.model, carried, "its share of the sheet")
         limits = np.array(placed.model.torque_limit_n_m)
         needed = np.zeros(placed.model.count)
         for q in poses:
@@ -92,15 +93,17 @@ def _held(model: mujoco.MjModel, data: mujoco.MjData, side: Side, load: Vector) 
     return np.stack((carried - turned, carried + turned))
 
 
-def _refuse_payload(scenario: Scenario, robots: mujoco.MjModel, side: Side, arm: ArmModel) -> None:
+def refuse_payload(
+    robots: mujoco.MjModel, side: Side, arm: ArmModel, carried_kg: float, said: str
+) -> None:
+    """Refuse what an arm carries besides its gripper, as it is ``said``, above its payload."""
     tool = float(robots.body_subtreemass[robots.site(f"{side}_{FT_SITE}").bodyid[0]])
     sensor = float(robots.body(f"{side}_sensor").mass[0])
-    carried = scenario.task.carried_share * scenario.sheet.sheet().mass_kg
     # A payload that was computed from the torques says no more than they do along the path.
-    if arm.rated and tool + sensor + carried > arm.payload_kg:
+    if arm.rated and tool + sensor + carried_kg > arm.payload_kg:
         raise InputError(
             f"arm {arm.name!r} on the {side} is too weak: gripper with sensor "
-            f"{tool + sensor:.2f} kg and its share of the sheet {carried:.2f} kg are above its "
+            f"{tool + sensor:.2f} kg and {said} {carried_kg:.2f} kg are above its "
             f"payload of {arm.payload_kg:g} kg"
         )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 
 import mujoco
@@ -10,7 +10,9 @@ import numpy as np
 
 from dualbend.arm.pair import ArmPair
 from dualbend.beam import elastica
+from dualbend.beam.sheet import GRAVITY_M_PER_S2
 from dualbend.control.brake import Brakes
+from dualbend.control.calibration import Calibration, calibrated
 from dualbend.control.clock import steps_per_cycle
 from dualbend.control.filters import LowPass
 from dualbend.control.force_torque import Sensor, ToolGravityCompensation, WrenchChain
@@ -22,6 +24,8 @@ from dualbend.imperfection.draws import noise_streams
 from dualbend.imperfection.link import CommandLink
 from dualbend.imperfection.robot import RobotErrors, Stribeck, TrueArms
 from dualbend.imperfection.sensor import ErringSensor, SensorErrors
+from dualbend.imperfection.weighing import weighed
+from dualbend.run.arm_load import refuse_payload
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.believed import SITES, BelievedArms, Measured
@@ -33,6 +37,12 @@ from dualbend.scene.sheet.model import ShellModel
 from dualbend.scene.sheet.strips import StripConfig
 from dualbend.scene.simulation import Simulation
 from dualbend.types import SIDES, Mask, Side, Vector
+
+_TURN_RAD = 1.6
+"""How far the last joints turn to either side for a calibration."""
+
+_EVEN = np.array([0.8191725134, 0.6710436067, 0.5497004779])
+"""Powers of the root of x⁴ = x + 1: multiples of them fill a cube evenly (Roberts 2018)."""
 
 
 class RobotCell:
@@ -91,6 +101,8 @@ class RobotCell:
             period_s=scenario.period_s,
             time_s=scenario.guard.stop_time_s,
         )
+        self.calibrations = self._calibrated()
+        """By side; empty where none is asked for."""
 
     def _compose(self, *, looks: bool) -> mujoco.MjSpec:
         scenario = self.scenario
@@ -151,6 +163,40 @@ class RobotCell:
     def reference(self) -> Vector:
         """Joint angles (n,) that the servos are sent to at the start of a cycle [rad]."""
         return self.brakes.position(self.response.position)
+
+    def _calibrated(self) -> dict[Side, Calibration]:
+        """Return what the calibration of each wrist sensor found; empty where none is asked for."""
+        config, scenario = self.scenario.sensor.calibration, self.scenario
+        if config is None:
+            return {}
+        poses = self._attitudes(config.attitudes)
+        down = np.array([0.0, 0.0, -GRAVITY_M_PER_S2])
+        truly = self.simulation.sensor_axes_at(poses).mT @ down
+        believed = BelievedArms(PosedArms(self.ik.model, SITES))
+        told = np.array([believed.sensor_axes(q).copy() for q in poses]).mT @ down
+        found = {}
+        for i, (side, arm) in enumerate(zip(SIDES, self.arms, strict=True)):
+            weight = "sensor.calibration.weight_kg ="
+            refuse_payload(self.ik.model, side, arm.model, config.weight_kg, weight)
+            true_tool = tool_mass_and_centre(self.simulation.model, side)
+            of = (scenario.seed, side)
+            errors = scenario.imperfections.sensor
+            readings = weighed(config, scenario.sensor, errors, of, true_tool, truly[:, i])
+            tool = believed_tool(scenario, self.simulation.model, side)
+            found[side] = calibrated(config, scenario.sensor, tool, told[:, i], readings)
+        return found
+
+    def _attitudes(self, count: int) -> Vector:
+        """Return joint angles (count, n): the last three hinges of each arm turned, even spread."""
+        poses = np.tile(self.home, (count, 1))
+        low, high = self.simulation.joint_range.T
+        for side, arm in zip(SIDES, self.arms, strict=True):
+            last = np.flatnonzero(~np.array(arm.model.slides))[-3:] + self.arms.joints(side).start
+            share = np.modf(np.arange(1, count + 1)[:, np.newaxis] * _EVEN)[0]
+            least = np.maximum(low[last], self.home[last] - _TURN_RAD)
+            most = np.minimum(high[last], self.home[last] + _TURN_RAD)
+            poses[:, last] = least + share * (most - least)
+        return poses
 
     def stop(self, sides: Iterable[Side]) -> Mask:
         """Stop arms from where and how fast their references are; returns which joints (n,)."""
@@ -248,7 +294,11 @@ def make_sensor_guard(
     )
 
 
-def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
+def make_sensors(
+    scenario: Scenario,
+    model: mujoco.MjModel,
+    calibrations: Mapping[Side, Calibration] | None = None,
+) -> WristSensors:
     """Return the wrist sensors of the sensing arms, each with a noise stream of its own."""
     streams = noise_streams(scenario.seed, len(SIDES), scenario.repeat)
     arms = [i for i, side in enumerate(SIDES) if side in scenario.compliance.sensing]
@@ -268,12 +318,16 @@ def make_sensors(scenario: Scenario, model: mujoco.MjModel) -> WristSensors:
             repeat=scenario.repeat,
         )
     )
-    tools = [believed_tool(scenario, model, side) for _, side in named]
+    known = [calibrations[side] for _, side in named] if calibrations else []
+    tools = [(each.mass_kg, each.centre_m) for each in known] or [
+        believed_tool(scenario, model, side) for _, side in named
+    ]
     chain = WrenchChain(
         sensor,
         ToolGravityCompensation([mass for mass, _ in tools], [centre for _, centre in tools]),
         LowPass(scenario.filter, period_s=scenario.period_s, shape=shape),
         np.eye(3),
+        [each.matrix for each in known] or None,
     )
     return WristSensors(chain, arms)
 

@@ -112,7 +112,7 @@ class Run:
         Filters, delays and noise streams have a memory and are made again for each run.
         """
         simulation = self.cell.simulation
-        self.sensors = parts.make_sensors(self.scenario, simulation.model)
+        self.sensors = parts.make_sensors(self.scenario, simulation.model, self.cell.calibrations)
         robot = self.scenario.robot
         self.path = ControlledPath(
             self.controller(),

@@ -141,6 +141,15 @@ class Simulation:
             self.sliding.replace(load)
         return self.observer.observation(self.data, load)
 
+    def sensor_axes_at(self, poses: Vector) -> Vector:
+        """Return the axes of both sensors (k, 2, 3, 3) of the true arms at encoders' angles."""
+        data, found = mujoco.MjData(self.model), []
+        for q in poses:
+            data.qpos[self._q] = q
+            mujoco.mj_kinematics(self.model, data)
+            found.append(self.observer.sensor_axes(data))
+        return np.array(found)
+
     def displace_grasps(self, errors: Vector) -> None:
         """Let each sheet edge lie off its gripper's frame, (2, 6) as :meth:`grasps` has it.
 

@@ -1,15 +1,18 @@
 """Does learning converge? |Q (1 − L P)| of the loop's model, before anything is applied.
 
 P is what the filtered moments lose per correction, through transport delay, robot response, arm,
-sheet, sensor and low-pass, with the feedback closed where there is one: P (I + A P)⁻¹ about the
-rotation, A the admittance. Its norm below 1 at every frequency is sufficient where the sheet does
-not change along the path; along the path it is asked for at every bending angle.
+sheet, sensor and low-pass. With feedback, A the admittance, it is P S about the rotation, and the
+feedback's own turn loses D = A P S, S = (I + A P)⁻¹: where S is small, as of feedback that
+integrates, |1 − γ z^m (G P + A P S)| is nearly 1 − γ. Its norm below 1 at every frequency is
+sufficient where the sheet does not change along the path; along the path it is asked for at every
+bending angle.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -31,6 +34,9 @@ SHORTEST_SETTLE_S = 0.5
 SHORTEST_HOLD_S = 0.5
 """The arms arrive in its first half."""
 
+_REST_HZ = 1e-4
+"""At 0 feedback that integrates has no response."""
+
 _STEP_RAD, _FREQUENCIES, _MOST_LEAD = 0.02, 400, 40
 
 _MODES: dict[ModeName, Vector] = {
@@ -40,12 +46,24 @@ _MODES: dict[ModeName, Vector] = {
 """The share of a mode in the arms' moments and corrections."""
 
 
+class LearningPlants(NamedTuple):
+    """What a correction changes at bending angles and frequencies, each (angles, n, arms, arms).
+
+    ``open`` and ``closed``: the moments that are lost per correction, P and P S [N m/rad];
+    ``deviation``: the feedback's turn that is lost, D [-].
+    """
+
+    open: ComplexVector
+    closed: ComplexVector
+    deviation: ComplexVector
+
+
 @dataclass(frozen=True, kw_only=True)
 class LearningPrediction:
     """The law that a scenario asks for, and by how much it contracts at angles and frequencies.
 
-    ``stiffness`` (arms, arms) [N m/rad]: P at rest, the mean over the path, whose inverse the law
-    learns with. ``contraction`` (angles, frequencies).
+    ``stiffness`` (arms, arms) [N m/rad]: P at rest without feedback, the mean over the path, whose
+    inverse the law learns with. ``contraction`` (angles, frequencies).
     """
 
     law: LearningLaw
@@ -96,9 +114,10 @@ def predict_learning(scenario: Scenario) -> LearningPrediction:
     count = max(math.ceil((path.end_rad - path.start_rad) / _STEP_RAD - 1e-9), 1)
     alphas = np.linspace(path.start_rad, path.end_rad, count + 1)
     frequencies = np.linspace(0.0, 0.5 / scenario.period_s, _FREQUENCIES)
+    frequencies[0] = _REST_HZ
     z_inverse = np.exp(-2j * np.pi * frequencies * scenario.period_s)
     plants = learning_plants(scenario, alphas, z_inverse)
-    stiffness = plants[:, 0].real.mean(axis=0)
+    stiffness = plants.open[:, 0].real.mean(axis=0)
     compliance = np.linalg.inv(stiffness)
 
     def of(lead_cycles: int) -> LearningPrediction:
@@ -109,7 +128,10 @@ def predict_learning(scenario: Scenario) -> LearningPrediction:
             period_s=scenario.period_s,
             ramp_cycles=_settle_cycles(scenario),
         )
-        contraction = [law.contraction(z_inverse, plant) for plant in plants]
+        contraction = [
+            law.contraction(z_inverse, *plant)
+            for plant in zip(plants.closed, plants.deviation, strict=True)
+        ]
         return LearningPrediction(
             law=law,
             stiffness=stiffness,
@@ -150,8 +172,8 @@ def learning_of(scenario: Scenario) -> LearningConfig:
 
 def learning_plants(
     scenario: Scenario, alphas_rad: Vector, z_inverse: ComplexVector
-) -> ComplexVector:
-    """Return P (angles, n, arms, arms) [N m/rad]: moments that are lost per correction.
+) -> LearningPlants:
+    """Return what is lost per correction at bending angles, where z⁻¹ (n,) is given.
 
     Of one sensor both arms follow it: there is one correction, and one reading.
     """
@@ -164,17 +186,19 @@ def learning_plants(
         with refusing(f"path at {at.alpha_rad:.3f} rad"):
             modes = {mode: _plant(elements, at, mode, z_inverse, feedback) for mode in at.arms}
         shares = [_MODES[mode] for mode in modes] if len(modes) > 1 else [np.ones((1, 1))]
-        plants.append(np.einsum("mn,mij->nij", np.array(list(modes.values())), np.array(shares)))
-    return np.array(plants)
+        found = np.array(list(modes.values()))
+        plants.append(np.einsum("mpn,mij->pnij", found, np.array(shares)))
+    return LearningPlants(*np.array(plants).swapaxes(0, 1))
 
 
 def _plant(
     elements: LoopElements, at: Environment, mode: ModeName, z_inverse: ComplexVector, closed: bool
 ) -> ComplexVector:
-    """Return the moment (n,) that a mode loses per δα, through the feedback where it is closed."""
+    """Return P, P S and D (3, n) of a mode about the rotation; open where it is not ``closed``."""
     low_pass = parallel([from_transfer_function(elements.low_pass.transfer_function())] * 2)
     arm = compliant_plant(elements, at.arms[mode], (True, True)).series(low_pass)
     plant = -arm.frequency_response(z_inverse)
+    admittance = np.zeros_like(plant)
     acting = elements.acting("coupled", at.alpha_rad)
     if closed and any(acting):
         loop = SampledLoop(
@@ -187,10 +211,9 @@ def _plant(
             )
         given = loop.admittance.frequency_response(z_inverse)
         axes = [i for i in range(2) if acting[i]] if given.shape[-1] == sum(acting) else [0, 1]
-        admittance = np.zeros_like(plant)
         admittance[:, np.array(axes)[:, np.newaxis], axes] = given
-        plant = plant @ np.linalg.inv(np.eye(2) + admittance @ plant)
-    return plant[:, 1, 1]
+    lost = plant @ np.linalg.inv(np.eye(2) + admittance @ plant)
+    return np.array([each[:, 1, 1] for each in (plant, lost, admittance @ lost)])
 
 
 def _settle_cycles(scenario: Scenario) -> int:

@@ -120,8 +120,14 @@ class Series:
         force = self._force(result)
         note = self._why_not(result, force)
         if not note:
-            moment = [result[f"{SIDES[i]}_filtered_moment_y"] for i in self._arms]
-            self._correction = self.prediction.law.update(self._correction, np.array(moment))
+            moment, turned = (
+                np.array([result[f"{SIDES[i]}_{name}"] for i in self._arms])
+                for name in ("filtered_moment_y", "deviation_alpha")
+            )
+            own = turned - self._correction
+            self._correction = self.prediction.law.update(
+                self._correction, moment, own, sheets=self.sheets + 1
+            )
         sheet = sheet_of(number, result, note, force, self._correction)
         self._note(sheet)
         return sheet, result

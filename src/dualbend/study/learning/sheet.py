@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import msgspec
@@ -11,6 +12,9 @@ from dualbend.evaluation.metrics import bending_rows, held_rows
 from dualbend.run.record import RunRecord
 from dualbend.table import Columns, Table, quantity
 from dualbend.types import SIDES, Vector
+
+BEYOND_RAD = 0.2
+"""After what is left of a flat sheet's stiffness along itself."""
 
 
 class Sheet(msgspec.Struct, frozen=True, kw_only=True):
@@ -42,6 +46,12 @@ class Sheet(msgspec.Struct, frozen=True, kw_only=True):
     def learned(self) -> bool:
         """The sheet taught something."""
         return not self.note
+
+    @property
+    def rms_beyond_nm(self) -> float:
+        """Rms of the moment [N m] beyond `BEYOND_RAD`; NaN where the sheet was not bent so far."""
+        late = np.array(self.moment_nm)[np.array(self.angle_rad) >= BEYOND_RAD]
+        return float(np.sqrt(np.mean(late**2))) if late.size else math.nan
 
 
 def sheet_of(
@@ -106,4 +116,34 @@ def table(sheets: Sequence[Sheet]) -> Table:
         )
         for sheet in sheets
     ]
+    return Table(columns, rows)
+
+
+def spread_table(cells: Sequence[Sequence[Sheet]]) -> Table:
+    """Return a line for each sheet's number: medians and worst over the cells that bent it.
+
+    Peaks and rms are over those of the cell's own first sheet; the hold is the larger of both arms.
+    """
+    columns: Columns = [
+        quantity("sheet", "", "d"),
+        quantity("cells", "", "d"),
+        quantity("peaks by piece over sheet 1, median", "", ".2f"),
+        quantity("worst", "", ".2f"),
+        quantity(f"rms beyond {BEYOND_RAD:g} rad over sheet 1, median", "", ".3f"),
+        quantity("worst", "", ".3f"),
+        quantity("hold, median", "mN m", ".1f"),
+        quantity("worst", "mN m", ".1f"),
+    ]
+    rows = []
+    for i in range(max(map(len, cells))):
+        pairs = [(cell[0], cell[i]) for cell in cells if i < len(cell) and cell[i].hold_nm]
+        if pairs:
+            peaks = np.array([np.divide(sheet.peaks_nm, first.peaks_nm) for first, sheet in pairs])
+            rms = np.array([sheet.rms_beyond_nm / first.rms_beyond_nm for first, sheet in pairs])
+            hold = 1e3 * np.array([np.abs(sheet.hold_nm).max() for _, sheet in pairs])
+            both = [
+                (np.median(of, axis=0).tolist(), of.max(axis=0).tolist())
+                for of in (peaks, rms, hold)
+            ]
+            rows.append((i + 1, len(pairs), *both[0], *both[1], *both[2]))
     return Table(columns, rows)

@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from dualbend.errors import InputError
+from dualbend.imperfection.draws import cut_normal, stream
 from dualbend.scenario.motion import MotionConfig, NominalMotion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scenario.sheet import SheetConfig
@@ -48,10 +49,23 @@ class MisalignmentConfig(Config):
 
     left: GripError = GripError()
     right: GripError = GripError()
+    along_spread_m: Annotated[
+        float, said("of along_m from sheet to sheet, each grip", ge=0, le=0.01)
+    ] = 0.0
+    pitch_spread_rad: Annotated[
+        float, said("of pitch_rad from sheet to sheet, each grip", ge=0, le=0.1)
+    ] = 0.0
 
-    def errors(self) -> Vector:
-        """Return (2, 6): x, y, z [m], roll, pitch, yaw [rad] of the left and the right grip."""
-        return np.array([msgspec.structs.astuple(side) for side in (self.left, self.right)])
+    def errors(self, seed: int = 0, repeat: int = 0) -> Vector:
+        """Return (2, 6): x, y, z [m], roll, pitch, yaw [rad] of the left and the right grip.
+
+        Of a cell's seed and the number of a sheet, which draws what differs between sheets.
+        """
+        found = np.array([msgspec.structs.astuple(side) for side in (self.left, self.right)])
+        spread = np.array([self.along_spread_m, self.pitch_spread_rad])
+        rng = stream(seed, "grips", repeat=repeat)
+        found[:, [0, 4]] += cut_normal(rng, 1.0, (2, 2)) * spread
+        return found
 
 
 class BendingConfig(TaskConfig, tag="bending"):
@@ -88,7 +102,7 @@ def is_in_space(scenario: Scenario) -> bool:
 def imposed_errors(scenario: Scenario) -> Vector | None:
     """Return what is imposed on both grips (2, 6); None where every grip lies as it should."""
     config, displaced = misalignment_of(scenario), scenario.imperfections.robot.displaces
-    imposed = (config or MisalignmentConfig()).errors()
+    imposed = (config or MisalignmentConfig()).errors(scenario.seed, scenario.repeat)
     if not displaced and not imposed.any():
         return None
     return imposed

@@ -1,0 +1,1 @@
+"""How well a cell can know what its wrist sensors tell wrongly."""
