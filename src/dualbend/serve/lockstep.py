@@ -9,12 +9,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from dualbend.control.alter import angles_of
 from dualbend.control.controller import Observation
 from dualbend.control.guard import ProtectiveStop
 from dualbend.run.loop import Asking, Run
 from dualbend.run.outcome import TaskStopped
 from dualbend.run.record import RunRecord
 from dualbend.scenario.sections import ServeConfig
+from dualbend.scene.simulation import BENDING_TO_WORLD
 from dualbend.scene.warnings import warnings_counted_only
 from dualbend.serve.port import ArmState, Port, RobotPort, SensorPort
 from dualbend.types import SIDES, Side, Vector
@@ -109,7 +111,11 @@ class LockStep:
             nominal=nominal,
             joints=np.where(slides, 1e3 * joints, np.degrees(joints)),
             wrench=self._wrench(side) if row in self._run.sensors.arms else None,
+            read_turn=self._read_turn(row) if row in self._run.sensors.arms else None,
         )
+
+    def _read_turn(self, row: int) -> Vector:
+        return angles_of(self._run.read_axes[row] * BENDING_TO_WORLD[row][:, np.newaxis])
 
     def _wrench(self, side: Side) -> Vector:
         """Return the raw reading (6,) of a side's sensor, along its axes."""

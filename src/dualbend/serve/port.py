@@ -23,6 +23,7 @@ class ArmState(msgspec.Struct, frozen=True, kw_only=True):
         encoders tell it, and as the path has it.
     joints : measured joint angles (n,) [degrees], of a slide its position [mm]
     wrench : raw reading (6,) [N, N m] of the wrist sensor, in its axes; None: there is none
+    read_turn : roll, pitch, yaw [rad] of these axes, in the bending frame, when it was sampled
     """
 
     cycle: int
@@ -30,6 +31,7 @@ class ArmState(msgspec.Struct, frozen=True, kw_only=True):
     nominal: Vector
     joints: Vector
     wrench: Vector | None
+    read_turn: Vector | None = None
 
 
 class Port(Protocol):
