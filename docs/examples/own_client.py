@@ -2,8 +2,9 @@
 
     δα[n] = 2 degrees per N m × the mean of the last two moments at the grip (fig8's gains)
 
-Each cycle: the robot tells its bending angle (RIst B) and waits; the sensor's record of the cycle,
-less the tool's weight, moved to the grip, makes the moment; RKorr B answers.
+Each cycle: the robot tells how the sensor was turned when it took its reading (RRead) and waits;
+the sensor's record of the cycle, less the tool's weight, moved to the grip, makes the moment; RKorr
+B answers.
 
 Run: dualbend serve fig8 --client "python docs/examples/own_client.py"
 """
@@ -17,7 +18,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 GAIN_DEG_PER_NM, COUNTS, LEVER_M = 2.0, 1e6, 0.12
-AGE = 10.5 / 28.0  # of a reading, in cycles
 
 
 def told(what: str, left: str, right: str) -> list[list[float]]:
@@ -41,28 +41,26 @@ class Arm:
     robot: socket.socket
     sensor: socket.socket
     tool: tuple[float, float, float]
-    slope: float = math.nan
     moment: float = math.nan
     record: int = 0
 
     def answer(self, telegram: bytes) -> bytes:
         """Return the correction of a cycle."""
-        slope = math.radians(float(re.search(rb'<RIst [^>]*B="([^"]+)"', telegram)[1]))
-        then = slope if math.isnan(self.slope) else slope - AGE * (slope - self.slope)
-        moment = self.moment_nm(then)
+        read = re.search(rb'<RRead A="[^"]*" B="([^"]*)" C="([^"]*)"', telegram)
+        moment = self.moment_nm(*(math.radians(float(angle)) for angle in read.groups()))
         mean = moment if math.isnan(self.moment) else (moment + self.moment) / 2.0
-        self.slope, self.moment = slope, moment
+        self.moment = moment
         ipoc = re.search(rb"<IPOC>(\d+)</IPOC>", telegram)[1].decode()
         turn = f'<RKorr X="0" Y="0" Z="0" A="0" B="{GAIN_DEG_PER_NM * mean:.9f}" C="0"/>'
         return f'<Sen Type="ImFree">{turn}<IPOC>{ipoc}</IPOC></Sen>'.encode()
 
-    def moment_nm(self, slope: float) -> float:
-        """Return the moment about the grip, of the first record that is new."""
+    def moment_nm(self, b: float, c: float) -> float:
+        """Return the moment about the grip, of the first record that is new; turned by B and C."""
         number = self.record
         while number == self.record:  # a record that was sent twice has its number twice
             _, number, _, _, _, fz, _, ty, _ = struct.unpack(">III6i", self.sensor.recv(64))
         self.record, (mass, x, z) = number, self.tool
-        weight_x, weight_z = mass * 9.81 * math.sin(slope), -mass * 9.81 * math.cos(slope)
+        weight_x, weight_z = mass * 9.81 * math.sin(b), -mass * 9.81 * math.cos(b) * math.cos(c)
         moment = ty / COUNTS - (z * weight_x - x * weight_z)
         return moment + LEVER_M * (fz / COUNTS - weight_z)
 

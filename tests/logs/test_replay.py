@@ -1,5 +1,6 @@
 """What a run exports drives the cell again: the same trace, from every format."""
 
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -183,6 +184,17 @@ def test_an_mcap_of_something_else_names_its_topics(tmp_path: Path) -> None:
             writer.finish()
         with pytest.raises(InputError, match=said):
             read_commands(path)
+
+
+def test_what_needs_the_extra_names_it(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = exported(folder, tmp_path / "log.mcap")
+    for module in ("mcap.reader", "mcap.writer"):
+        monkeypatch.setitem(sys.modules, module, None)
+    for use in (lambda: read_commands(path), lambda: write_mcap(load_run(folder), path)):
+        with pytest.raises(InputError, match=r"needs the extra: pip install 'dualbend\[mcap\]'"):
+            use()
 
 
 def test_the_commands_export_and_replay(

@@ -8,12 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
-from dualbend import InputError, load_scenario, make_run
+from dualbend import InputError, load_run, load_scenario, make_run
 from dualbend.check.baseline import CRASHED, Baseline
 from dualbend.check.check import updated
 from dualbend.check.measure import measure
 from dualbend.check.verdict import compare
+from dualbend.cli import main
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
 from dualbend.serve.cell import ServedCell
@@ -151,6 +153,19 @@ def test_a_client_is_told_its_ports_and_ended_with_all_that_it_started(
     assert http == "29876"
     assert f"<PORT>{port}</PORT>" in (tmp_path / "client" / "rsi_left.xml").read_text()
     assert not alive(int(child))
+
+
+def test_the_command_starts_the_client_and_ends_with_3_and_its_reason(
+    written: Written, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The option stands above the scenario's own key."""
+    monkeypatch.chdir(tmp_path)
+    client = ["--client", "{python} -c 'import nowhere'", "--no-record", "--out", "run"]
+    done = CliRunner().invoke(main, ["serve", str(written(EXAMPLE)), *client])
+    assert done.exit_code == 3
+    assert "aborted (the client ended with exit code 1: ModuleNotFoundError" in done.output
+    assert "nowhere" in (tmp_path / "run" / "client" / "output.log").read_text()
+    assert load_run(tmp_path / "run").scenario.serve.client == client[1]
 
 
 @pytest.mark.slow

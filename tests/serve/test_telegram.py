@@ -19,6 +19,7 @@ SENT = (
     b'<RIst X="-400.500000" Y="0.000000" Z="1250.000000" A="0.000000" B="30.000000" C="0.000000"/>'
     b'<RSol X="-400.000000" Y="0.000000" Z="1250.000000" A="0.000000" B="29.500000" C="0.000000"/>'
     b'<AIPos A1="10.000000" A2="-20.000000"/>'
+    b'<RRead A="0.000000" B="29.900000" C="0.000000"/>'
     b'<Delay D="3"/><IPOC>123645634</IPOC></Rob>'
 )
 ANSWER = (
@@ -31,7 +32,8 @@ ANSWER = (
 def test_what_the_robot_sends_is_written_by_hand() -> None:
     measured = np.array([-0.4005, 0.0, 1.25, 0.0, np.radians(30.0), 0.0])
     nominal = np.array([-0.4, 0.0, 1.25, 0.0, np.radians(29.5), 0.0])
-    assert encode(measured, nominal, np.array([10.0, -20.0]), 3, 123645634) == SENT
+    turned = np.array([0.0, np.radians(29.9), 0.0])
+    assert encode(measured, nominal, np.array([10.0, -20.0]), 3, 123645634, turned) == SENT
     ET.fromstring(SENT)
 
 
@@ -107,6 +109,9 @@ def test_the_configuration_names_the_port_and_what_is_exchanged() -> None:
     assert root.findtext("CONFIG/PORT") == "49152"
     sent = ET.fromstring(SENT)
     for element in root.iterfind("SEND/ELEMENTS/ELEMENT"):
-        assert sent.find(element.attrib["TAG"].removeprefix("DEF_")) is not None
+        name, _, axis = element.attrib["TAG"].removeprefix("DEF_").partition(".")
+        found = sent.find(name)
+        assert found is not None
+        assert not axis or axis in found.attrib
     received = [e.attrib["TAG"] for e in root.iterfind("RECEIVE/ELEMENTS/ELEMENT")]
     assert received == [f"RKorr.{axis}" for axis in "XYZABC"]

@@ -93,17 +93,17 @@ def topics_of(run: RunRecord) -> Iterator[Message]:
         grip = grip_poses(run, side)
         frames.append(grip)
         yield f"/{side}/grip_pose", messages.POSE, _stamped(times, WORLD, grip)
-        nominal = nominal_poses(run, side)
-        yield f"/{side}/nominal_pose", messages.POSE, _stamped(times, WORLD, nominal)
+        if "place_x" not in run.trace:  # an assembly carries the frames of its path
+            nominal = nominal_poses(run, side)
+            yield f"/{side}/nominal_pose", messages.POSE, _stamped(times, WORLD, nominal)
         true = _columns(run, [f"{side}_true_{part}" for part in _WRENCH])
         yield f"/{side}/true_wrench", messages.WRENCH, _stamped(times, f"{side}_level", true)
         if f"{side}_sensor_force_x" in run.trace:
             read = _columns(run, [f"{side}_sensor_{part}" for part in _WRENCH])
             yield f"/{side}/sensor_wrench", messages.WRENCH, _stamped(times, f"{side}_sensor", read)
-    names = [name for name, _ in run.trace.columns if "_deviation_" in name]
-    commands = _columns(run, [name for name in names if name.startswith(SIDES)])
-    named = [name for name in names if name.startswith(SIDES)]
-    yield DEVIATION_TOPIC, messages.JOINT_STATE, _joint_states(times, named, commands)
+    prefixes = tuple(f"{side}_deviation_" for side in SIDES)
+    names = [name for name, _ in run.trace.columns if name.startswith(prefixes)]
+    yield DEVIATION_TOPIC, messages.JOINT_STATE, _joint_states(times, names, _columns(run, names))
     yield "/tf", messages.TRANSFORMS, _transforms(run, times, frames)
 
 

@@ -60,6 +60,7 @@ class Run:
     steered : a deviation has come from outside, in the controller's place; ``outside`` names it
     records_all_axes : deviations may have all six axes, whatever the scenario's controller has
     reading : of the sensors in this cycle
+    read_axes : of the sensors (2, 3, 3) in the world when that was sampled, as encoders tell them
     """
 
     trace: TraceRecorder
@@ -72,6 +73,7 @@ class Run:
     outside = "dualbend.Cell.step"
     records_all_axes = False
     reading: WrenchReading
+    read_axes: Vector
     compliance: Callable[[Scenario], Controller] = staticmethod(make_compliance)
 
     def __init__(self, scenario: Scenario, cell: RobotCell) -> None:
@@ -284,8 +286,8 @@ class Run:
 
     def read(self, seen: Observation) -> WrenchReading:
         """Return what the wrist sensors tell, the tools' weight taken off by measured angles."""
-        axes = self.cell.measured.sensor_axes(self.sample.rotation, seen)
-        return self.sensors.read(self.sample.wrench, axes, new=self.sample.new)
+        self.read_axes = self.cell.measured.sensor_axes(self.sample.rotation, seen)
+        return self.sensors.read(self.sample.wrench, self.read_axes, new=self.sample.new)
 
     def _watch_grips(self) -> None:
         """Record how far the sheet has slid, and stop the task where a grip has lost it."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dualbend.control.alter import turn
+from dualbend.control.alter import angles_of, turn
 from dualbend.control.controller import Observation
 from dualbend.control.guard import ProtectiveStop
 from dualbend.run.loop import Asking
@@ -17,6 +17,7 @@ from dualbend.run.outcome import TaskStopped
 from dualbend.run.planar import PlanarRun
 from dualbend.run.record import RunRecord, TableRow
 from dualbend.scenario.sections import ServeConfig
+from dualbend.scene.observation import BENDING_TO_WORLD
 from dualbend.scene.warnings import warnings_counted_only
 from dualbend.serve.port import ArmState, Port, RobotPort, SensorPort
 from dualbend.serve.robot.pose import deviation_from
@@ -122,16 +123,17 @@ class LockStep:
         measured[1::2] = observed.aside[row]
         own = arms.joints(side)
         slides = [slide for name, slide in arms.slides.items() if name.startswith(side)]
-        scale = np.where(slides, 1e3, np.degrees(1.0))
+        joints, setpoint = observed.joints_rad[own], self._run.cell.reference[own]
         sensed = row in self._run.sensors.arms
         return ArmState(
             cycle=self._cycle,
             measured=measured,
             nominal=self._nominal(self._cycle),
             origin=self._nominal(0 if self._streamed else self._cycle),
-            joints=scale * observed.joints_rad[own],
-            setpoint=scale * self._run.cell.reference[own],
+            joints=np.where(slides, 1e3 * joints, np.degrees(joints)),
+            setpoint=np.where(slides, 1e3 * setpoint, np.degrees(setpoint)),
             wrench=self._wrench(side) if sensed else None,
+            read_turn=self._read_turn(row) if sensed else None,
             force=observed.raw.components[row] if sensed else None,
         )
 
@@ -140,6 +142,9 @@ class LockStep:
         pose = np.zeros(6)
         pose[::2] = self._run.nominal_poses[min(cycle, self._run.cycles - 1)]
         return pose
+
+    def _read_turn(self, row: int) -> Vector:
+        return angles_of(self._run.read_axes[row] * BENDING_TO_WORLD[row][:, np.newaxis])
 
     def _wrench(self, side: Side) -> Vector:
         """Return the raw reading (6,) of a side's sensor, along its axes."""

@@ -54,6 +54,7 @@ class ArmState(msgspec.Struct, frozen=True, kw_only=True):
     setpoint : the same, as the servos are sent to
     wrench : raw reading (6,) [N, N m] of the wrist sensor, in its axes; None: there is none
     force : what of it acts at the grip (6,), without the tool's weight, in the bending frame
+    read_turn : roll, pitch, yaw [rad] of these axes, in the bending frame, when it was sampled
     """
 
     cycle: int
@@ -64,6 +65,7 @@ class ArmState(msgspec.Struct, frozen=True, kw_only=True):
     setpoint: Vector
     wrench: Vector | None = None
     force: Vector | None = None
+    read_turn: Vector | None = None
 
 
 class Port(Protocol):

@@ -25,7 +25,8 @@ class RsiRobot(UdpRobot):
     def encode(self, state: ArmState) -> bytes:
         """Return the packet that tells the state of a cycle."""
         self._ipoc = (state.cycle + 1) * self._tick
-        return encode(state.measured, state.nominal, state.joints, self.wrong, self._ipoc)
+        poses, turned = (state.measured, state.nominal), state.read_turn
+        return encode(*poses, state.joints, self.wrong, self._ipoc, turned)
 
     def decode(self, data: bytes) -> Vector | str:
         """Return the deviation (6,) that an answer means, or which of the faults it has."""

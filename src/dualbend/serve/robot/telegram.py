@@ -18,14 +18,23 @@ _CORRECTION = re.compile(rb"<RKorr((?:" + _ATTRIBUTE.pattern + rb")*)\s*(?:/>|>\
 _IPOC = re.compile(rb"<IPOC>\s*(\d{1,18})\s*</IPOC>")
 
 
-def encode(measured: Vector, nominal: Vector, joints: Vector, delay: int, ipoc: int) -> bytes:
+def encode(
+    measured: Vector,
+    nominal: Vector,
+    joints: Vector,
+    delay: int,
+    ipoc: int,
+    read_turn: Vector | None = None,
+) -> bytes:
     """Return what the robot sends: RIst and RSol in mm and degrees, AIPos, Delay and IPOC.
 
-    Poses (6,) are x, y, z [m], roll, pitch, yaw [rad]; six decimals.
+    Poses (6,) are x, y, z [m], roll, pitch, yaw [rad]; six decimals. ``read_turn``: those of the
+    sensor's axes (3,) [rad] when it took its reading, RRead in degrees.
     """
+    read = "" if read_turn is None else f"<RRead {_turn(read_turn)}/>"
     axes = " ".join(f'A{i}="{angle:.6f}"' for i, angle in enumerate(joints, 1))
     return (
-        f'<Rob Type="KUKA"><RIst {_pose(measured)}/><RSol {_pose(nominal)}/><AIPos {axes}/>'
+        f'<Rob Type="KUKA"><RIst {_pose(measured)}/><RSol {_pose(nominal)}/><AIPos {axes}/>{read}'
         f'<Delay D="{delay}"/><IPOC>{ipoc}</IPOC></Rob>'
     ).encode()
 
@@ -82,11 +91,20 @@ def _pose(pose: Vector) -> str:
     )
 
 
+def _turn(angles: Vector) -> str:
+    a_b_c = _pose(np.concatenate((np.zeros(3), angles))).split()[3:]
+    return " ".join(a_b_c)
+
+
 def configuration(address: str, port: int) -> str:
     """Return the RSI Ethernet configuration of a port: what is exchanged, by name and type."""
     sent = [("RIst", "DOUBLE"), ("RSol", "DOUBLE"), ("AIPos", "DOUBLE"), ("Delay", "LONG")]
     send = "\n".join(
         f'      <ELEMENT TAG="DEF_{tag}" TYPE="{kind}" INDX="INTERNAL" />' for tag, kind in sent
+    )
+    send += "".join(
+        f'\n      <ELEMENT TAG="RRead.{axis}" TYPE="DOUBLE" INDX="{i}" />'
+        for i, axis in enumerate(AXES[3:], 1)
     )
     receive = "\n".join(
         f'      <ELEMENT TAG="RKorr.{axis}" TYPE="DOUBLE" INDX="{i}" HOLDON="1" />'
