@@ -7,7 +7,8 @@ this package.
 * RSIPI moves the left arm by what it is told, and pynetft reads what the trace has;
 * NetFT reads what the trace has, one record by request, beside an RSI socket;
 * ABBRobotEGM with the paper's admittance makes the built-in controller's trace;
-* so does ur_rtde, which receives both arms' forces and moves them by servoL.
+* with joint angles of the start it holds the arms there, whatever the scenario's path;
+* ur_rtde, which receives both arms' forces and moves them by servoL, makes the built-in trace.
 
 A line each; the exit code is 1 where a statement is not true.
 """
@@ -26,6 +27,7 @@ from pathlib import Path
 import numpy as np
 
 from dualbend import load_run
+from dualbend.run.record import RunRecord
 from dualbend.types import SIDES
 
 PERFECT = ("--set", "imperfections=none", "--no-record")
@@ -33,10 +35,13 @@ EGM = [
     *("--set", "serve.left.robot=egm", "--set", "serve.right.robot=egm"),
     *("--set", "serve.left.sensor=none", "--set", "serve.right.sensor=none"),
 ]
-ALLOWED_NM, READ_NM, TURN_DEG = 0.05e-3, 1e-9, 0.3
+ALLOWED_NM, READ_NM, NEAR_RAD, TURN_DEG = 0.05e-3, 1e-9, 1e-7, 0.3
 RTDE = [
     *("--set", "serve.left.robot=rtde", "--set", "serve.right.robot=rtde"),
     *("--set", "serve.left.sensor=none", "--set", "serve.right.sensor=none"),
+]
+OUTSIDE = [
+    *("--set", "serve.path=outside", "--set", "serve.limit_m=1", "--set", "serve.limit_rad=1"),
 ]
 NETFT_PORTS = [
     *("--set", "serve.left.robot_port=49154", "--set", "serve.left.sensor_port=49152"),
@@ -85,7 +90,7 @@ while True:
     told = [arm.receive_from_robot(wait_s) for arm in arms]
     if not all(ok for ok, _ in told):
         break
-    wait_s = 3.0
+    wait_s = 8.0
     for i, (_, state) in enumerate(told):
         slope = 2.0 * math.atan2(state.cartesian.orient[2], state.cartesian.orient[0])
         before, moment = last[i] or (slope, None)
@@ -97,6 +102,21 @@ while True:
         turn = math.radians(2.0 * mean)
         half = math.atan2(planned.orient[2], planned.orient[0]) + turn / 2.0
         arms[i].send_to_robot_cart(planned.pos, (math.cos(half), 0.0, math.sin(half), 0.0))
+"""
+
+HOLD = """
+from ABBRobotEGM import EGM
+
+arms, first, wait_s = [EGM(6510), EGM(6511)], [None, None], 30.0
+while True:
+    told = [arm.receive_from_robot(wait_s) for arm in arms]
+    if not all(ok for ok, _ in told):
+        break
+    wait_s = 8.0
+    for i, (_, state) in enumerate(told):
+        if first[i] is None:
+            first[i] = state.joint_angles_planned
+        arms[i].send_to_robot(first[i])
 """
 
 NETFT = """
@@ -111,7 +131,7 @@ while True:
         telegram, at = robot.recvfrom(8192)
     except TimeoutError:
         break
-    robot.settimeout(3.0)
+    robot.settimeout(8.0)
     read.append([count / 1e6 for count in sensor.getMeasurement()])
     ipoc = re.search(rb"<IPOC>.*</IPOC>", telegram)[0]
     robot.sendto(b"<Sen><RKorr/>" + ipoc + b"</Sen>", at)
@@ -167,11 +187,19 @@ def client(python: str, folder: Path, code: str) -> None:
         sys.exit(done.stderr.decode()[-2000:])
 
 
+def served(folder: Path) -> RunRecord:
+    """Return the run that was served; it has to have gone to its end."""
+    run = load_run(folder / "run")
+    if run.outcome != "completed":
+        sys.exit(f"{run.outcome}: {run.reason}")
+    return run
+
+
 def rsipi(python: str, folder: Path) -> dict[str, float]:
     """Return how far the arm's turn and the readings are from what was sent and recorded."""
     with serving(folder, "--configs", "."):
         client(python, folder, RSIPI)
-    run, read = load_run(folder / "run"), json.loads((folder / "read.json").read_text())
+    run, read = served(folder), json.loads((folder / "read.json").read_text())
     turns = np.unique(run["left_deviation_alpha"])
     worst = max(
         abs(value - run[f"{side}_sensor_{axis}"][int(number) - 1])
@@ -187,7 +215,7 @@ def netft(python: str, folder: Path) -> dict[str, float]:
     """Return how far the readings are from what was recorded, one a cycle."""
     with serving(folder, *NETFT_PORTS):
         client(python, folder, NETFT)
-    run, read = load_run(folder / "run"), json.loads((folder / "read.json").read_text())
+    run, read = served(folder), json.loads((folder / "read.json").read_text())
     recorded = np.stack([run[f"left_sensor_{axis}"] for axis in AXES], axis=1)
     worst = np.abs(np.array(read) - recorded).max() if len(read) == len(recorded) else np.inf
     return {"NetFT, reading [N, N m]": float(worst)}
@@ -198,6 +226,16 @@ def abb(python: str, folder: Path) -> dict[str, float]:
     with serving(folder, *EGM):
         client(python, folder, ABB)
     return {"ABBRobotEGM, moment [N m]": from_built_in(folder)}
+
+
+def hold(python: str, folder: Path) -> dict[str, float]:
+    """Return how far the commands are from the start, in joint guidance."""
+    with serving(folder, *EGM, *OUTSIDE):
+        client(python, folder, HOLD)
+    run = served(folder)
+    turns = np.stack([run[f"{side}_command_alpha"] for side in SIDES])
+    there = float(np.abs(turns - run["nominal_alpha"][0]).max())
+    return {"ABBRobotEGM, joints, turn [rad]": there}
 
 
 def ur(python: str, folder: Path) -> dict[str, float]:
@@ -211,10 +249,8 @@ def from_built_in(folder: Path) -> float:
     """Return the largest difference of the moments of ``folder/run`` from the built-in ones."""
     command = [sys.executable, "-m", "dualbend", "run", "fig8", "--out", "built-in", *PERFECT]
     subprocess.run(command, cwd=folder, check=True, capture_output=True)
-    run, built_in = load_run(folder / "run"), load_run(folder / "built-in")
+    run, built_in = served(folder), load_run(folder / "built-in")
     names = [f"{side}_true_moment_y" for side in SIDES]
-    if len(run[names[0]]) != len(built_in[names[0]]):
-        return np.inf
     return float(max(np.abs(run[name] - built_in[name]).max() for name in names))
 
 
@@ -223,10 +259,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--python", required=True, help="interpreter that has the clients")
     python, failed = parser.parse_args().python, False
-    for case in (rsipi, netft, abb, ur):
+    for case in (rsipi, netft, abb, hold, ur):
         with tempfile.TemporaryDirectory() as folder:
             for name, value in case(python, Path(folder)).items():
                 allowed = ALLOWED_NM if "moment" in name else READ_NM
+                allowed = NEAR_RAD if "joints" in name else allowed
                 failed |= not value <= allowed
                 print(f"{name}: {value:.3g} of {allowed:g}")
     return int(failed)

@@ -44,6 +44,7 @@ def test_what_the_robot_sends_is_written_by_hand() -> None:
         1,
         measured=np.array([-0.5, 0.0, 1.25, 0.0, 0.0, 0.0]),
         joints=np.array([10.0, -20.0]),
+        setpoint=np.array([11.0]),
         wrench=np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]),
     )
     upright = b"\x12\x24" + le(1.0, 0.0, 0.0, 0.0)
@@ -52,7 +53,8 @@ def test_what_the_robot_sends_is_written_by_hand() -> None:
     measured = b"\x12\x43\x0a\x1b" + le(-500.0, 0.0, 1250.0) + upright
     nominal = b"\x12\x43\x0a\x1b" + le(0.0, 0.0, 0.0) + upright
     force = b"".join(b"\x11" + struct.pack("<d", value) for value in range(1, 7))
-    feedback, planned = joints + measured + clock, nominal + clock
+    feedback = joints + measured + clock
+    planned = b"\x0a\x09\x09" + struct.pack("<d", 11.0) + nominal + clock
     assert encode(state, 0.028) == (
         bytes.fromhex("0a 06 08 01 10 1c 18 02")
         + (b"\x12" + bytes([len(feedback)]) + feedback)

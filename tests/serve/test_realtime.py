@@ -8,7 +8,9 @@ import pytest
 from dualbend import load_scenario, make_run
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
-from support.served import Answer, controllers, served
+from dualbend.scenario.sections import ServedArmConfig
+from dualbend.serve.robot.protobuf import doubles, message
+from support.served import Answer, controllers, free_ports, served
 
 SHORT = (
     *("motion.speed_rad_per_s=1.0", "path.end_rad=0.2", "motion.settle_s=0.2"),
@@ -33,8 +35,8 @@ def still(told: bytes) -> list[bytes]:
     return [answer(cycle_of(told))]
 
 
-def go(run: Run, left: Answer, right: Answer = still, **keys: object) -> RunRecord:
-    with served(run, realtime=True, **keys) as (cell, go_on), controllers(cell, left, right):
+def go(run: Run, first: Answer, second: Answer = still, **keys: object) -> RunRecord:
+    with served(run, realtime=True, **keys) as (cell, go_on), controllers(cell, first, second):
         return go_on()
 
 
@@ -83,6 +85,25 @@ def test_an_answer_of_an_earlier_cycle_is_late_and_does_not_act(run: Run) -> Non
     assert record.outcome == "completed"
     assert np.all(record["left_deviation_alpha"] == 0.0)
     assert int(record.ports[0]["late"] or 0) >= (record.trace.rows - 1) // 2
+
+
+def test_a_pose_that_comes_too_late_is_gone_to_all_the_same(run: Run) -> None:
+    """An answer of EGM has no cycle: each is too late for its own and is taken for a later one."""
+
+    def late(told: bytes) -> list[bytes]:
+        time.sleep(1.3 * run.scenario.period_s)
+        there = message(1, doubles(-399.9, 0.0, 672.0)) + message(2, doubles(1.0, 0.0, 0.0, 0.0))
+        return [message(2, message(2, there))]
+
+    arms = [
+        ServedArmConfig(robot=robot, robot_port=port, sensor="none")  # type: ignore[arg-type]
+        for robot, port in zip(("egm", "rsi"), free_ports(2), strict=True)
+    ]
+    wide = {"limit_m": 0.5, "limit_rad": 0.5}
+    record = go(run, late, left=arms[0], right=arms[1], path="outside", **wide)
+    assert record.outcome == "completed", record.reason
+    assert missed(record, 0) >= 2
+    np.testing.assert_allclose(record["left_command_x"][6:], -0.3999, atol=1e-12)
 
 
 def test_a_controller_that_dies_stops_the_arm_after_the_limit(run: Run) -> None:

@@ -367,6 +367,34 @@ def test_a_client_that_connects_again_goes_on(run: Run) -> None:
     np.testing.assert_allclose(record["left_deviation_alpha"], 0.0, atol=1e-14)
 
 
+def test_who_waits_for_a_package_that_it_has_had_gets_it_again(run: Run) -> None:
+    """With the same timestamp: ur_rtde gives up after 2.5 s without a package."""
+    arms = [
+        ServedArmConfig(robot="rtde", robot_port=free_robot_port(), sensor="none"),
+        ServedArmConfig(robot="none", sensor="none"),
+    ]
+    times: list[float] = []
+
+    def steer(port: int) -> None:
+        with suppress(ConnectionError):
+            client = Rtde(port).negotiated()
+            client.outputs("timestamp,target_TCP_pose")
+            client.asked(b"I", COMMAND.encode())
+            client.asked(b"S")
+            while len(times) < 3:
+                times.append(client.doubles()[0])
+            play(port)
+            while True:
+                client.write(24, client.doubles()[1:])
+
+    with served(run, left=arms[0], right=arms[1]) as (cell, go):
+        port = cell.robots[0].port  # type: ignore[attr-defined]
+        threading.Thread(target=steer, args=(port,), daemon=True).start()
+        record = go()
+    assert record.outcome == "completed", record.reason
+    assert times == [0.028] * 3
+
+
 def test_ports_that_cannot_be_are_refused_by_their_key() -> None:
     port = free_robot_port()
     with socket.socket() as taken:

@@ -70,11 +70,14 @@ class EgmRobot(UdpRobot):
 def encode(state: ArmState, time_s: float) -> bytes:
     """Return EgmRobot: header, feedBack, planned, states, measuredForce."""
     clock = message(4, whole(1, int(time_s)), whole(2, round(1e6 * (time_s % 1.0))))
-    joints = message(1, *(double(1, angle) for angle in state.joints.tolist()))
+    joints, setpoint = (
+        message(1, *(double(1, angle) for angle in angles.tolist()))
+        for angles in (state.joints, state.setpoint)
+    )
     parts = [
         message(1, whole(1, state.cycle), whole(2, round(1e3 * time_s)), whole(3, _DATA)),
         message(2, joints, message(2, _pose(state.measured)), clock),
-        message(3, message(2, _pose(state.nominal)), clock),
+        message(3, setpoint, message(2, _pose(state.nominal)), clock),
         message(4, whole(1, _MOTORS_ON)),
         message(5, whole(1, _MCI_RUNNING)),
         whole(6, 1),
