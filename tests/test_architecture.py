@@ -31,6 +31,7 @@ ROOMS = (
     "recording",
     "report",
     "task",
+    "batch",
     "env",
     "serve",
     "study",
@@ -50,6 +51,8 @@ HOMES = {
     "markdown_it": "report/template.py",
     "av": "recording/pictures/video.py",
     "trimesh": "arm/meshes.py",
+    "warp": "batch/gpu/",
+    "mujoco_warp": "batch/gpu/",
     "gymnasium": "env/",
     "pettingzoo": "env/",
 }

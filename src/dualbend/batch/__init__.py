@@ -1,0 +1,1 @@
+"""Many worlds at once: cells that differ in numbers, advanced together."""
