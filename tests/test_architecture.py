@@ -54,6 +54,8 @@ HOMES = {
     "av": "recording/pictures/video.py",
     "mcap": "logs/",
     "trimesh": "arm/meshes.py",
+    "warp": "batch/gpu/",
+    "mujoco_warp": "batch/gpu/",
     "gymnasium": "env/",
     "pettingzoo": "env/",
 }

@@ -326,13 +326,27 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
 @click.argument("scenario", default="fig8", shell_complete=complete_scenarios)
 @SETTINGS
 @click.option("--repeat", type=click.IntRange(1, 1000), default=5, help="Number of repetitions.")
-def benchmark(scenario: str, settings: tuple[str, ...], repeat: int) -> None:
+@click.option(
+    "--device",
+    help="Instead, replay the run in many worlds there with MuJoCo Warp: cuda, cuda:1, cpu.",
+)
+@click.option("--worlds", type=click.IntRange(1), default=1024, help="On the device.")
+def benchmark(
+    scenario: str, settings: tuple[str, ...], repeat: int, device: str | None, worlds: int
+) -> None:
     """Compare the loop's time with that of bare mj_step calls.
 
     Both go through the same states of the same model, alternately in one process.
     """
     from dualbend.study.benchmark import benchmark as measure
 
-    for name, value in measure(load(scenario, settings), repeat).items():
-        spec = ">10.4g" if isinstance(value, float) else ">10"
-        click.echo(f"{name:<24}{value:{spec}}")
+    loaded = load(scenario, settings)
+    if device is None:
+        rates = measure(loaded, repeat)
+    else:
+        from dualbend.batch.gpu.benchmark import benchmark_device
+
+        rates = benchmark_device(loaded, worlds, device, lambda note: click.echo(note, err=True))
+    for name, value in rates.items():
+        spec = ">12.4g" if isinstance(value, float) else ">12"
+        click.echo(f"{name:<28}{value:{spec}}")
