@@ -18,6 +18,7 @@ import warp as wp  # noqa: E402
 from dualbend.batch.gpu.cycle import look_for_contacts  # noqa: E402
 from dualbend.batch.gpu.models import put_models  # noqa: E402
 from dualbend.batch.gpu.physics import WarpPhysics  # noqa: E402
+from dualbend.batch.many import run_many  # noqa: E402
 
 # A cycle of four steps: most of a start is capturing the graph of one, step by step.
 QUICK = ("robot.command_period_s=0.007", "sheet.model.hinges=6", "path.end_rad=0.1")
@@ -133,3 +134,17 @@ def test_what_warp_cannot_do_is_refused(settings: list[str], said: str) -> None:
 def test_a_device_that_is_not_there_is_refused() -> None:
     with pytest.raises(InputError, match=r"cuda:99.*only cpu"):
         WarpPhysics([begun().cell], "cuda:99")
+
+
+def test_closed_loops_of_many_worlds_follow_those_of_the_cpu() -> None:
+    """Measured, single precision: the moments at the end of a short bend, of two worlds."""
+    short = (*QUICK, "motion.speed_rad_per_s=0.8", "motion.settle_s=0.1", "motion.hold_s=0.0")
+    cases = [("imperfections=none", "seed=1"), ("imperfections=none", "seed=2")]
+
+    def peaks(**how: str) -> list[float]:
+        runs = [make_run(load_scenario("fig8", [*short, *case])) for case in cases]
+        records = dict(run_many(runs, **how))
+        assert {record.outcome for record in records.values()} == {"completed"}
+        return [float(np.abs(records[i].trace["left_true_moment_y"]).max()) for i in range(2)]
+
+    assert peaks(device="cpu") == pytest.approx(peaks(), rel=5e-3)

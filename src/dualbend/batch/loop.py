@@ -8,19 +8,19 @@ simulation that is not valid, takes it out of the batch: it is run again alone, 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.batch.controllers import ActiveOnly, OneByOne, joined
-from dualbend.batch.physics import CpuPhysics
+from dualbend.batch.physics import CpuPhysics, Physics
 from dualbend.control.controller import ControlledPath, Observation
 from dualbend.control.servo import JointServo
 from dualbend.control.wrist import WristSensors
 from dualbend.imperfection.link import CommandLink
-from dualbend.run.cell import make_guard, make_integral, make_response, make_sensor_guard
+from dualbend.run.cell import RobotCell, make_guard, make_integral, make_response, make_sensor_guard
 from dualbend.run.planar import has_snapped
 from dualbend.run.record import RunRecord
 from dualbend.scene.believed import GRIPS, SITES, BelievedArms, Measured
@@ -37,6 +37,8 @@ _NO_AGES: NDArray[np.int_] = np.zeros(0, dtype=np.int_)
 class BatchLoop:
     """Closed loops of n bending runs of one structure, see :func:`dualbend.batch.group.structure`.
 
+    ``physics`` makes that of their cells; None: on the CPU, on so many ``threads``.
+
     Attributes
     ----------
     active, left : (n,) worlds that go on; those that ended before their motion did
@@ -44,13 +46,19 @@ class BatchLoop:
     trace : of all worlds
     """
 
-    def __init__(self, runs: Sequence[BendingRun], threads: int) -> None:
+    def __init__(
+        self,
+        runs: Sequence[BendingRun],
+        threads: int = 1,
+        physics: Callable[[Sequence[RobotCell]], Physics] | None = None,
+    ) -> None:
         for run in runs:
             run.begin()
         self._runs, first, n = runs, runs[0], len(runs)
         scenario, cells = first.scenario, [run.cell for run in runs]
         shape, robots = (n,), [cell.ik.model for cell in cells]
-        self._physics = CpuPhysics(cells, threads)
+        self._physics: Physics
+        self._physics = CpuPhysics(cells, threads) if physics is None else physics(cells)
         self._sample = self._physics.start()
         self._sensors = WristSensors.stacked([run.sensors for run in runs])
         self._controller = joined([run.path.controller for run in runs])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from dualbend.imperfection.robot import Stribeck
 from dualbend.run.cell import RobotCell
-from dualbend.scene.observation import Observation, SensorSample
+from dualbend.scene.observation import Observation, Observer, SensorSample, Source
 from dualbend.scene.posed import differing
 from dualbend.types import Mask, Vector
 
@@ -20,13 +21,44 @@ _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _SITES = ("site_pos", "site_quat")
 
 
-class CpuPhysics:
-    """The physics of cells that are at their start; each world's numbers are its own.
+class Physics(Protocol):
+    """The physics of n cells, one command cycle after the other; :class:`CpuPhysics` says how.
 
     Attributes
     ----------
-    failed : (n,) worlds that are no longer valid, or in which anything has touched
-    data : the fields of an MjData, each with the axis of worlds
+    fed_forward : torques (n, joints) [N m] that the drives add, of joint angles and speeds; None:
+        what they would in :class:`dualbend.scene.simulation.Simulation`
+    """
+
+    observer: Observer
+    data: Source
+    fed_forward: Callable[[Vector, Vector], Vector] | None
+
+    @property
+    def failed(self) -> Mask:
+        """Worlds (n,) that are no longer valid, or in which anything has touched."""
+
+    @property
+    def time_s(self) -> Vector:
+        """Time of each world (n,) [s]."""
+
+    def start(self) -> SensorSample:
+        """Begin where the cells are; return the first samples."""
+
+    def observe(self, active: Mask) -> Observation:
+        """Return what is observed at the start of a cycle, of the active worlds (n,)."""
+
+    def displace(self, world: int, errors: Vector) -> None:
+        """Let a world's sheet edges lie off their grippers, (2, 6), before it is observed."""
+
+    def advance(self, setpoints: Vector, active: Mask) -> SensorSample:
+        """Run one command cycle on set-points (n, steps, joints) [rad]."""
+
+
+class CpuPhysics:
+    """The physics of cells that are at their start; each world's numbers are its own.
+
+    ``data``: the fields of an MjData, each with the axis of worlds.
     """
 
     def __init__(self, cells: Sequence[RobotCell], threads: int) -> None:
@@ -51,7 +83,7 @@ class CpuPhysics:
             speeds = self.data.bind("qvel")
             self._friction = Stribeck.stacked(laws, self.data.expand("dof_frictionloss"), speeds)
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
-        self.failed: Mask = np.zeros(len(cells), dtype=np.bool_)
+        self._failed: Mask = np.zeros(len(cells), dtype=np.bool_)
 
     def start(self) -> SensorSample:
         """Take over where the cells are; return the first samples."""
@@ -68,8 +100,13 @@ class CpuPhysics:
         return self._samples.reset((wrench, rotation))
 
     @property
+    def failed(self) -> Mask:
+        """As :class:`Physics` has it."""
+        return self._failed
+
+    @property
     def time_s(self) -> Vector:
-        """Time of each world (n,) [s]."""
+        """As :class:`Physics` has it."""
         return np.asarray(self.data.bind("time"))
 
     def observe(self, active: Mask) -> Observation:
@@ -100,9 +137,9 @@ class CpuPhysics:
             left = self._steps - done
             steps = 1 if self._friction is not None else min(self._samples.to_next, left)
             if self._friction is not None:
-                self._step(control[:, done], active & ~self.failed)
+                self._step(control[:, done], active & ~self._failed)
             else:
-                self._roll(control[:, done : done + steps], active & ~self.failed)
+                self._roll(control[:, done : done + steps], active & ~self._failed)
             done += steps
             if self._friction is not None:
                 self._friction.on_step()
@@ -110,7 +147,7 @@ class CpuPhysics:
                 self._samples.take(self.observer.sample(data))
         # Positions and speeds do not tell what the last step's torques were.
         self._torque = data.qfrc_actuator[:, self._dofs]
-        self.failed |= data.warning.reshape(len(self.failed), -1).any(axis=-1)
+        self._failed |= data.warning.reshape(len(self._failed), -1).any(axis=-1)
         return self._samples.told()
 
     @property
@@ -121,7 +158,7 @@ class CpuPhysics:
     def _step(self, control: Vector, active: Mask) -> None:
         self._ctrl[:] = control
         self._guarded(self.data.step, active)
-        self.failed |= self._touching > 0
+        self._failed |= self._touching > 0
 
     def _roll(self, control: Vector, active: Mask) -> None:
         whole = bool(active.all())
@@ -131,7 +168,7 @@ class CpuPhysics:
                 control.shape[1], control if whole else control[active], record=("ncon",), ids=ids
             )
             touched = found["ncon"].reshape(-1, control.shape[1]).any(axis=-1)
-            self.failed[slice(None) if ids is None else ids] |= touched
+            self._failed[slice(None) if ids is None else ids] |= touched
 
         self._guarded(roll, active)
 
@@ -143,4 +180,4 @@ class CpuPhysics:
         try:
             call(ids)
         except SimulationError as error:
-            self.failed[error.ids] = True
+            self._failed[error.ids] = True

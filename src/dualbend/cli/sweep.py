@@ -32,21 +32,27 @@ if TYPE_CHECKING:
 @WORKERS
 @click.option(
     "--batch",
-    type=click.IntRange(1, 1024),
+    type=click.IntRange(1, 65536),
     default=32,
     show_default=True,
     help="Runs at once in each worker, at most.",
 )
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler, e.g. tcp://HOST:PORT.")
+@click.option("--device", help="Physics of the batches by MuJoCo Warp there: cuda, cuda:1, cpu.")
 def sweep(
-    file: Path, out: Path | None, workers: int | None, batch: int, scheduler: str | None
+    file: Path,
+    out: Path | None,
+    workers: int | None,
+    batch: int,
+    scheduler: str | None,
+    device: str | None,
 ) -> None:
     """Run a scenario over many values of its keys.
 
     FILE defines the keys and values (docs/sweeps.md), or is the folder of a sweep. The same command
     continues a sweep that was interrupted. For a finished sweep it writes table and pictures again.
     """
-    from dualbend.study.runs import in_batches
+    from dualbend.study.runs import in_batches, on_device
     from dualbend.study.sweep.design import make_design
     from dualbend.study.sweep.file import load_sweep
     from dualbend.study.sweep.progress import Progress
@@ -55,6 +61,8 @@ def sweep(
 
     if workers is not None and scheduler is not None:
         raise InputError("--workers is for local runs, --scheduler has its own: give one of them")
+    if device is not None and (workers, scheduler) != (None, None):
+        raise InputError("--device is for runs in this process: without --workers and --scheduler")
     loaded = load_sweep(file)
     design = make_design(loaded)
     folder = out or (file if file.is_dir() else Path("runs") / loaded.name)
@@ -64,6 +72,8 @@ def sweep(
 
         cluster = on_cluster(scheduler, lambda note: click.echo(note, err=True))
     place = in_batches(workers, batch, cluster=cluster)
+    if device is not None:
+        place = on_device(device, batch, lambda note: click.echo(note, err=True))
     progress = Progress()
     try:
         rows = run_sweep(loaded, design, folder, place, on_run=progress)

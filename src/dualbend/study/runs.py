@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar, TypeVarTuple
+from typing import Any, Generic, TypeVar, TypeVarTuple
 
 from dualbend.batch.many import BATCH, run_many
 from dualbend.errors import InputError
@@ -38,8 +38,8 @@ class RunEach(Generic[*Arguments, Row]):
         """Return the row of one run."""
         return self.many([arguments])[0]
 
-    def many(self, tasks: Sequence[tuple[*Arguments]]) -> list[Row]:
-        """Return the rows of many runs, in their order."""
+    def many(self, tasks: Sequence[tuple[*Arguments]], **how: Any) -> list[Row]:  # noqa: ANN401
+        """Return the rows of many runs, in their order; ``how`` as :func:`run_many` has it."""
         rows: dict[int, Row] = {}
         made: list[tuple[int, Run]] = []
         for i, arguments in enumerate(tasks):
@@ -47,13 +47,35 @@ class RunEach(Generic[*Arguments, Row]):
                 made.append((i, self.make(*arguments)))
             except Exception as error:  # one bad run must not end the study
                 rows[i] = self.failed(error, *arguments)
-        for at, record in run_many([run for _, run in made]):
+        for at, record in run_many([run for _, run in made], **how):
             i, _ = made[at]
             try:
                 rows[i] = self.row(whole(record), *tasks[i])
             except Exception as error:
                 rows[i] = self.failed(error, *tasks[i])
         return [rows[i] for i in range(len(tasks))]
+
+
+def on_device(device: str, batch: int, on_note: Callable[[str], None] = lambda _: None) -> Place:
+    """Return a place that makes batches of runs here, their physics on a device.
+
+    Raises InputError, when runs are made, where the study's runs can be no batch or there is no
+    such device.
+    """
+
+    def ended(
+        tasks: Mapping[Key, tuple[*Arguments]], run_one: Callable[[*Arguments], Row]
+    ) -> Generator[tuple[Key, Row | Lost]]:
+        if not isinstance(run_one, RunEach):
+            raise InputError(f"--device {device}: this study's runs are made one by one")
+        every = list(tasks)
+        for first in range(0, len(every), batch):
+            keys = every[first : first + batch]
+            many = [tasks[key] for key in keys]
+            rows = run_one.many(many, batch=batch, device=device, on_note=on_note)
+            yield from zip(keys, rows, strict=True)
+
+    return ended
 
 
 def in_batches(

@@ -1,0 +1,71 @@
+"""The physics of a batch of runs on a device, as :class:`dualbend.batch.loop.BatchLoop` asks it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from dualbend.batch.gpu.physics import WarpPhysics
+from dualbend.run.cell import RobotCell
+from dualbend.scene.observation import Observation, SensorSample
+from dualbend.types import Mask, Vector
+
+
+class DevicePhysics:
+    """What :class:`dualbend.batch.physics.CpuPhysics` does, in single precision on a device.
+
+    ``device``, ``on_note`` as :class:`WarpPhysics` has them. All worlds are stepped; what the
+    inactive ones do is not read.
+    """
+
+    def __init__(
+        self,
+        cells: Sequence[RobotCell],
+        device: str,
+        on_note: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        simulation = cells[0].simulation
+        self._warp = WarpPhysics(cells, device, on_note)
+        self.observer, self._samples = simulation.observer, simulation.samples
+        self._steps, self._dofs = simulation.steps, simulation.dofs
+        self._step_s, self._done, self._worlds = simulation.model.opt.timestep, 0, len(cells)
+        self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
+        self.data = self._warp.data
+
+    def start(self) -> SensorSample:
+        """Put all at rest in their starts; return the first samples."""
+        self._warp.start()
+        return self._samples.reset(self._warp.sample(0))
+
+    @property
+    def failed(self) -> Mask:
+        """Worlds (n,) that are not to be used any more."""
+        return self._warp.failed
+
+    @property
+    def time_s(self) -> Vector:
+        """Time of each world (n,) [s]."""
+        return np.full(self._worlds, self._done * self._step_s)
+
+    def observe(self, active: Mask) -> Observation:
+        """As :meth:`dualbend.batch.physics.CpuPhysics.observe`."""
+        data = self._warp.observe()
+        return self.observer.observation(data, self.observer.pad_loads(data))
+
+    def displace(self, world: int, errors: Vector) -> None:
+        """As :meth:`dualbend.batch.physics.CpuPhysics.displace`."""
+        self._warp.displace(world, errors)
+
+    def advance(self, setpoints: Vector, active: Mask) -> SensorSample:
+        """As :meth:`dualbend.batch.physics.CpuPhysics.advance`."""
+        torque = None
+        if self.fed_forward is not None:
+            q = self.observer.joint_angles(self.data)
+            torque = self.fed_forward(q, self.data.qvel[:, self._dofs])
+        self._warp.advance(setpoints, torque)
+        self._done += self._steps
+        for step in range(1, self._steps + 1):
+            if self._samples.passed(1):
+                self._samples.take(self._warp.sample(step))
+        return self._samples.told()
