@@ -188,7 +188,8 @@ class AssemblyProgram:
                 on_middle += [settle(alpha_ratio=1.0), *feel.middle()]
                 jammed += feel.jammed(middle)
         touch, slack, ready = self._unfold_to_touch(layer), self._slack(), settle(alpha_ratio=1.0)
-        over_pins = partial(Phase, guard=PinGuard.of(config))
+        guard = PinGuard.of(config, self.least_force_n, self.least_moment_nm)
+        over_pins = partial(Phase, guard=guard)
         EI = self.sheet.bending_stiffness_nm2
         weighed = CheckWeight(weight, self.least_force_n)
         clamped, least = weight * self.sheet.length_m / 12.0, self.least_moment_nm
