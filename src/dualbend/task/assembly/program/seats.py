@@ -169,21 +169,29 @@ class PinGuard:
     most: float
 
     @classmethod
-    def of(cls, config: AssemblyConfig) -> PinGuard | None:
-        """Return an assembly's; None of arms that do not comply: they just go."""
+    def of(cls, config: AssemblyConfig, least_n: float, least_nm: float) -> PinGuard | None:
+        """Return an assembly's; None of arms that do not comply: they just go.
+
+        ``least_n``, ``least_nm``: what sensors do not tell apart by their means; a single reading
+        is no push below three times that.
+        """
         if config.compliance is None:
             return None
+        guard = cls(arm_m=circles(config.layout.holes)[0].radius_m, most=0.0)
         most = _PUSHED * config.limits.pin_force_n
-        return cls(arm_m=circles(config.layout.holes)[0].radius_m, most=most)
+        return replace(guard, most=max(most, 3.0 * guard.push(least_n, least_n, least_nm)))
+
+    def push(self, along: float, across: float, moment: float) -> float:
+        """Return with what a pin is pushed [N]."""
+        turning = abs(moment) / (2.0 * self.arm_m) if self.arm_m else 0.0
+        return math.hypot(along, 0.5 * abs(across) + turning)
 
     def check(self, state: State) -> None:
         """Look at the last reading; where nothing was measured in the air, there is none."""
         if state.free is None:
             return
         along, across, moment = state.contact_wrench(state.seen[-1].net).tolist()
-        turning = abs(moment) / (2.0 * self.arm_m) if self.arm_m else 0.0
-        push = math.hypot(along, 0.5 * abs(across) + turning)
-        if push > self.most:
+        if (push := self.push(along, across, moment)) > self.most:
             raise state.stopped(
                 f"the sheet pushes a middle pin with {push:.1f} N, above {self.most:g} N: by "
                 f"{along:.1f} N along, {across:.1f} N across and {moment:.2f} N m"

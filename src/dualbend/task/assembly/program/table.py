@@ -191,12 +191,12 @@ class AssemblyProgram:
                 on_middle += [settle(alpha_ratio=1.0), *feel.middle()]
                 jammed += feel.jammed(middle)
         touch, slack, ready = self._unfold_to_touch(layer), self._slack(), settle(alpha_ratio=1.0)
-        over_pins, EI = partial(Phase, guard=PinGuard.of(config)), sheet.bending_stiffness_nm2
         weight, least = sheet.mass_kg * GRAVITY_M_PER_S2, self.least_moment_nm
+        guard = PinGuard.of(config, self.least_force_n, least)
+        over_pins, EI = partial(Phase, guard=guard), sheet.bending_stiffness_nm2
         weighed, clamped = CheckWeight(weight, self.least_force_n), weight * sheet.length_m / 12.0
         # Under tension, which arms that do not comply cannot take off, every sheet turns its grips.
         flat = [CheckFlat(EI, clamped, max(_BENT_PER_M * EI, least))] if slack else []
-        # In the air nothing else holds the sheet, on the pins they do.
         aloft, slacken = (
             [Slacken(slack=slack, timeout_s=config.timeout_s, alpha_ratio=ratio)] if slack else []
             for ratio in (None, 0.0)
