@@ -286,7 +286,7 @@ def pushed(bend: float, prestress: bool) -> Array:
 @pytest.mark.parametrize("bend", [0.0, 0.3, 1.0])
 def test_the_objects_stiffness_is_symmetric_and_positive(bend: float) -> None:
     cell, q, alpha, _ = held(bend)
-    stiffness = object_stiffness(cell, q, alpha, 0.04)
+    stiffness = object_stiffness(cell, q, alpha, (-0.04, 0.04))
     # Analytic: rounding of 1e5.
     np.testing.assert_allclose(stiffness, stiffness.T, atol=1e-6)
     assert np.linalg.eigvalsh(stiffness).min() > 0.0
@@ -303,7 +303,7 @@ def test_the_stiffness_grows_towards_the_flat_sheet() -> None:
 def test_the_stiffness_is_what_pushing_the_middle_finds() -> None:
     """The same springs as J k⁻¹ Jᵀ: without prestress only the weld's 1 % is between them."""
     cell, q, alpha, _ = held(1.0)
-    stiffness, found = object_stiffness(cell, q, alpha, 0.04), pushed(1.0, prestress=False)
+    stiffness, found = object_stiffness(cell, q, alpha, (-0.04, 0.04)), pushed(1.0, prestress=False)
     # Discretisation-limited: the weld's softness, motion left after 1.5 s.
     np.testing.assert_allclose(np.diag(found), np.diag(stiffness), rtol=0.015)
     assert found[0, 1] == pytest.approx(stiffness[0, 1], rel=0.05)
@@ -315,7 +315,7 @@ def test_the_end_force_that_is_left_out_is_within_the_gain_margin() -> None:
     What counts for the loop is that it is not 4 times as stiff as it was designed for.
     """
     cell, q, alpha, _ = held(1.0)
-    stiffness, found = object_stiffness(cell, q, alpha, 0.04), pushed(1.0, prestress=True)
+    stiffness, found = object_stiffness(cell, q, alpha, (-0.04, 0.04)), pushed(1.0, prestress=True)
     ratio = np.diag(found) / np.diag(stiffness)
     np.testing.assert_allclose(ratio, [0.53, 1.34, 0.58], rtol=0.1)
     assembly = prepared().config
