@@ -59,8 +59,8 @@ class Run:
     learned : what was learned before and corrects the path, in words; "" where nothing does
     steered : a deviation has come from outside, in the controller's place; ``outside`` names it
     records_all_axes : deviations may have all six axes, whatever the scenario's controller has
-    reading : of the sensors in this cycle
-    read_axes : of the sensors (2, 3, 3) in the world when that was sampled, as encoders tell them
+    reading, read_axes
+        Of the sensors in this cycle; their axes (2, 3, 3) in the world when it was sampled.
     """
 
     trace: TraceRecorder
@@ -69,9 +69,8 @@ class Run:
     sample: SensorSample
     checked_poses: Vector
     learned: str = ""
-    steered = False
+    steered = records_all_axes = False
     outside = "dualbend.Cell.step"
-    records_all_axes = False
     reading: WrenchReading
     read_axes: Vector
     compliance: Callable[[Scenario], Controller] = staticmethod(make_compliance)
