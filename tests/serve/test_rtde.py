@@ -263,7 +263,10 @@ def driven(run: Run, target: Target, names: str = "target_TCP_pose", **keys: obj
 
 def test_targets_act_and_variables_are_what_the_trace_has(run: Run) -> None:
     told: list[list[float]] = []
-    names = "target_TCP_pose,actual_TCP_pose,actual_TCP_force,ft_raw_wrench,actual_q,actual_qd"
+    names = (
+        "target_TCP_pose,actual_TCP_pose,actual_TCP_force,ft_raw_wrench,actual_q,actual_qd,"
+        "target_q,actual_TCP_speed,target_TCP_speed"
+    )
 
     def target(numbers: list[float]) -> list[float]:
         told.append(numbers)
@@ -287,6 +290,19 @@ def test_targets_act_and_variables_are_what_the_trace_has(run: Run) -> None:
         assert len(set(at)) == rows
         np.testing.assert_allclose(found[at, 16], record[f"{side}_measured_moment_y"], atol=1e-15)
         np.testing.assert_allclose(found[at, 10], record[f"{side}_grip_alpha"], atol=1e-9)
+        q, setpoint = (
+            np.stack([record[f"{side}_{kind}_joint{i}"] for i in range(1, 7)], axis=1)
+            for kind in ("q", "setpoint")
+        )
+        np.testing.assert_allclose(found[at, 24:30], q, atol=1e-15)
+        period_s = run.scenario.period_s
+        np.testing.assert_allclose(found[at[1:], 30:36], np.diff(q, axis=0) / period_s, atol=1e-12)
+        # The servos are sent where the arm is, and lag behind the commands.
+        assert np.abs(found[at, 36:42] - q).max() < 0.01 < np.abs(setpoint - q).max()
+        for first, pose in ((42, "grip"), (48, "nominal")):
+            turn_rad = record[f"{side}_grip_alpha" if pose == "grip" else "nominal_alpha"]
+            rate = np.diff(turn_rad) / period_s
+            np.testing.assert_allclose(found[at[1:], first + 4], rate, atol=1e-9)
     assert [row["answered"] for row in record.ports] == [rows, rows]
 
 
