@@ -25,7 +25,7 @@ def run(axes: list[np.ndarray]) -> RunRecord:
 
     def noted() -> Observation:
         seen = observe()
-        axes.append(ready.cell.simulation.grip_axes.copy())
+        axes.append(ready.cell.simulation.observer.grip_axes(ready.cell.simulation.data))
         return seen
 
     ready.cell.simulation.observe = noted  # type: ignore[method-assign]
