@@ -147,11 +147,13 @@ class PinGuard:
     """What stops the task where the sheet pushes the middle pins hard, before they are damaged.
 
     Both share a force across, one of them may bear all of one along, and a moment M presses them by
-    M/2s, s their arm; what presses one against the other is not felt. ``most`` [N].
+    M/2s, s their arm; what presses one against the other is not felt. ``most`` [N]. ``on_tips``:
+    only while the outer holes lie on theirs; once around them these bear the moment, too.
     """
 
     arm_m: float
     most: float
+    on_tips: bool = False
 
     @classmethod
     def of(cls, config: AssemblyConfig, least_n: float, least_nm: float) -> PinGuard | None:
@@ -173,7 +175,7 @@ class PinGuard:
 
     def check(self, state: State) -> None:
         """Look at the last reading; where nothing was measured in the air, there is none."""
-        if state.free is None:
+        if state.free is None or (self.on_tips and not state.seeking):
             return
         along, across, moment = state.contact_wrench(state.seen[-1].net).tolist()
         if (push := self.push(along, across, moment)) > self.most:

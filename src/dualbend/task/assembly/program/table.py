@@ -189,7 +189,7 @@ class AssemblyProgram:
                 jammed += feel.jammed(middle)
         touch, slack, ready = self._unfold_to_touch(layer), self._slack(), settle(alpha_ratio=1.0)
         guard = PinGuard.of(config, self.least_force_n, self.least_moment_nm)
-        over_pins = partial(Phase, guard=guard)
+        on_tips = None if guard is None else replace(guard, on_tips=True)
         EI = self.sheet.bending_stiffness_nm2
         weighed = CheckWeight(weight, self.least_force_n)
         clamped, least = weight * self.sheet.length_m / 12.0, self.least_moment_nm
@@ -210,11 +210,11 @@ class AssemblyProgram:
             ),
             Phase("carry", [Carry(pace=self.pace, z=over), settle()], slack=slack),
             Phase("bend", [move(pace=slow, alpha=self.bend_rad), settle(), Measure("free")]),
-            over_pins("lower", self._lower(layer, middle, settle())),
-            over_pins("seat middle", [ready, *self._press(middle), *jammed], middle),
+            Phase("lower", self._lower(layer, middle, settle()), guard=guard),
+            Phase("seat middle", [ready, *self._press(middle), *jammed], middle, guard=guard),
             Phase("unfold", [touch, *on_middle, ready, Measure("seated")]),
-            over_pins("lower outer", self._lower_outer(layer, touch, outer), slack=slack),
-            over_pins("seat outer", [settle(alpha_ratio=0.0), *self._level(outer)], outer, slack),
+            Phase("lower outer", self._lower_outer(layer, touch, outer), None, slack, on_tips),
+            Phase("seat outer", [settle(alpha_ratio=0.0), *self._level(outer)], outer, slack),
             Phase(CHECK, [*on_all, *slacken, *self._learn()], slack=slack),
             Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
