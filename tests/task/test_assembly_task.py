@@ -435,7 +435,8 @@ def test_a_sheet_that_pushes_its_pins_hard_stops_the_task_before_they_are_damage
     # The outer pins bear the moment, too, but for holes that lie on their tips.
     play(World(make(FEW), push={"lower outer": over}))
     on_tips = World(make(FEW), push={"lower outer": over}, outer_at=lambda _: False)
-    assert told in stopped(on_tips)
+    # Exact: one of them, 140 mm from the middle, makes 3.9 N m of 28 N across.
+    assert (told in stopped(on_tips)) == (not push[1] or not push[2])
 
 
 def test_while_it_seeks_the_press_on_a_tip_is_relieved_for_the_time_out_at_most() -> None:

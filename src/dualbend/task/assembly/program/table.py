@@ -189,7 +189,8 @@ class AssemblyProgram:
                 jammed += feel.jammed(middle)
         touch, slack, ready = self._unfold_to_touch(layer), self._slack(), settle(alpha_ratio=1.0)
         guard = PinGuard.of(config, self.least_force_n, self.least_moment_nm)
-        on_tips = None if guard is None else replace(guard, on_tips=True)
+        far = config.layout.holes.outer.along_m
+        on_tips = None if guard is None else replace(guard, outer_m=far)
         EI = self.sheet.bending_stiffness_nm2
         weighed = CheckWeight(weight, self.least_force_n)
         clamped, least = weight * self.sheet.length_m / 12.0, self.least_moment_nm
