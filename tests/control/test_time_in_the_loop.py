@@ -122,7 +122,7 @@ def test_without_a_compliance_nothing_moves_whatever_the_load() -> None:
     config = NoComplianceConfig()
     assert (config.x, config.rotation, config.reference, config.predictor) == (None,) * 4
     assert (config.limit_x_m, config.limit_rotation_rad) == (0.0, 0.0)
-    assert (config.tare, config.modelled, config.units) == (False, False, "paper")
+    assert (config.tare, config.beyond, config.units) == (False, "", "paper")
     admittance = Admittance(config, period_s=T)
     for load in ([1e3, -1e3], [-7.0, 0.2]):
         assert not admittance.update(np.array(load)).any()

@@ -53,7 +53,7 @@ def test_every_imperfection_is_run_with_every_seed_and_none_twice(
             made.append((part, scenario.seed))
             yield key, row(part, scenario.seed, 1.0)
 
-    monkeypatch.setattr(imperfections, "in_processes", lambda _: here)
+    monkeypatch.setattr(imperfections, "in_batches", lambda _: here)
     scenario = load_scenario("fig8", SHORT)
     parts = list(variants(scenario, "typical"))
     rows = run_study(scenario, "typical", tmp_path / "study", seeds=2)

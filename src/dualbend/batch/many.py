@@ -23,8 +23,10 @@ def run_many(
     threads: int = 1,
     device: str = "",
     on_note: Callable[[str], None] = lambda _: None,
-) -> Iterator[tuple[int, RunRecord]]:
+) -> Iterator[tuple[int, RunRecord | Exception]]:
     """Run all, each to the bit as if it were alone; yield the number and record of each as it ends.
+
+    Of a run that raises, the exception takes the place of its record.
 
     ``batch``: runs of one batch at most; ``threads`` for their physics. With a ``device``, "cuda"
     or "cpu", the physics of batches is MuJoCo Warp's there, in single precision: what ends early is
@@ -35,13 +37,20 @@ def run_many(
     physics = _on(device, on_note) if device else None
     for group in grouped(runs, batch):
         worlds = [run for run in (runs[i] for i in group) if isinstance(run, BendingRun)]
-        loop = BatchLoop(worlds, threads, physics) if len(worlds) > 1 else None
-        if loop is not None:
-            for world, record in loop.run():
+        alone = set(group)
+        if len(worlds) > 1:
+            for world, record in BatchLoop(worlds, threads, physics).run():
+                alone.remove(group[world])
                 yield group[world], record
-        for world, i in enumerate(group):
-            if loop is None or loop.left[world]:
-                yield i, runs[i].run()
+        for i in sorted(alone):
+            yield i, _run(runs[i])
+
+
+def _run(run: Run) -> RunRecord | Exception:
+    try:
+        return run.run()
+    except Exception as error:  # it is one of many
+        return error
 
 
 def _on(device: str, on_note: Callable[[str], None]) -> Callable[[Sequence[RobotCell]], Physics]:

@@ -141,11 +141,21 @@ class _Replay:
         self._steps: list[list[tuple[Vector, float, list[NDArray[Any]]]]] = [[]]
         self._states: list[Vector] = []
         simulation.on_step.append(self._note_step)
+        parts = simulation.parts
+
+        def looked() -> int:
+            self._look()
+            return parts()
+
+        simulation.parts = looked
         run.run(self._note_cycle)
         self.share = 1.0
 
     def _note_step(self) -> None:
         self._steps[-1].append((self._data.ctrl.copy(), self._model.opt.timestep, self._now))
+        self._look()
+
+    def _look(self) -> None:
         if not all(map(np.array_equal, self._edited, self._now)):
             self._now = [values.copy() for values in self._edited]
 

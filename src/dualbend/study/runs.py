@@ -50,6 +50,8 @@ class RunEach(Generic[*Arguments, Row]):
         for at, record in run_many([run for _, run in made], **how):
             i, _ = made[at]
             try:
+                if isinstance(record, Exception):
+                    raise record
                 rows[i] = self.row(whole(record), *tasks[i])
             except Exception as error:
                 rows[i] = self.failed(error, *tasks[i])

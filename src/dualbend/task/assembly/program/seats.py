@@ -163,10 +163,13 @@ class PinGuard:
 
     Both share a force across, one of them may bear all of one along, and a moment M presses them by
     M/2s, s their arm; what presses one against the other is not felt. ``most`` [N].
+    ``outer_m``: arm of the outer pins, where it is asked while their holes lie on tips; one of them
+    may be around its pin, which makes that moment with the force across.
     """
 
     arm_m: float
     most: float
+    outer_m: float = 0.0
 
     @classmethod
     def of(cls, config: AssemblyConfig, least_n: float, least_nm: float) -> PinGuard | None:
@@ -183,12 +186,13 @@ class PinGuard:
 
     def push(self, along: float, across: float, moment: float) -> float:
         """Return with what a pin is pushed [N]."""
-        turning = abs(moment) / (2.0 * self.arm_m) if self.arm_m else 0.0
+        moment = max(abs(moment) - self.outer_m * abs(across), 0.0)
+        turning = moment / (2.0 * self.arm_m) if self.arm_m else 0.0
         return math.hypot(along, 0.5 * abs(across) + turning)
 
     def check(self, state: State) -> None:
         """Look at the last reading; where nothing was measured in the air, there is none."""
-        if state.free is None:
+        if state.free is None or (self.outer_m and not state.seeking):
             return
         along, across, moment = state.contact_wrench(state.seen[-1].net).tolist()
         if (push := self.push(along, across, moment)) > self.most:

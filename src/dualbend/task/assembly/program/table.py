@@ -159,8 +159,6 @@ class AssemblyProgram:
     def _seat_z(self, layer: int) -> float:
         return self.config.layout.bed.top_m + (0.5 + layer) * self.sheet.thickness_m
 
-    # -- the table --------------------------------------------------------------------------
-
     def _lay(self, layer: int) -> Sequence[Phase]:
         """Return the phases that lay a sheet on this many others."""
         config, start, move, wait = self.config, self.start, self._move, self._wait
@@ -193,12 +191,11 @@ class AssemblyProgram:
         touch, slack, ready = self._unfold_to_touch(layer), self._slack(), settle(alpha_ratio=1.0)
         weight, least = sheet.mass_kg * GRAVITY_M_PER_S2, self.least_moment_nm
         guard = PinGuard.of(config, self.least_force_n, least)
-        over_pins, EI = partial(Phase, guard=guard), sheet.bending_stiffness_nm2
+        on_tips = None if guard is None else replace(guard, outer_m=self._outer.radius_m)
         weighed, clamped = CheckWeight(weight, self.least_force_n), weight * sheet.length_m / 12.0
         # Under tension, which arms that do not comply cannot take off, every sheet turns its grips.
+        EI = sheet.bending_stiffness_nm2
         flat = [CheckFlat(EI, clamped, max(_BENT_PER_M * EI, least))] if slack else []
-        aloft, slacken = (
-            [Slacken(slack=slack, timeout_s=config.timeout_s, alpha_ratio=ratio)] if slack else []
             for ratio in (None, 0.0)
         )
         return [
@@ -211,11 +208,11 @@ class AssemblyProgram:
             ),
             Phase("carry", [Carry(pace=self.pace, z=over), settle()], slack=slack),
             Phase("bend", [move(pace=slow, alpha=self.bend_rad), settle(), Measure("free")]),
-            over_pins("lower", self._lower(layer, middle, settle())),
-            over_pins("seat middle", [ready, *self._press(middle), *jammed], middle),
+            Phase("lower", self._lower(layer, middle, settle()), guard=guard),
+            Phase("seat middle", [ready, *self._press(middle), *jammed], middle, guard=guard),
             Phase("unfold", [touch, *on_middle, ready, Measure("seated")]),
-            over_pins("lower outer", self._lower_outer(layer, touch, outer), slack=slack),
-            over_pins("seat outer", [settle(alpha_ratio=0.0), *self._level(outer)], outer, slack),
+            Phase("lower outer", self._lower_outer(layer, touch, outer), None, slack, on_tips),
+            Phase("seat outer", [settle(alpha_ratio=0.0), *self._level(outer)], outer, slack),
             Phase(CHECK, [*on_all, *slacken, *self._learn()], slack=slack),
             Phase("release", [move(opening=start.opening), opened]),
             Phase("withdraw", [move(retreat=start.retreat), settle()]),
@@ -377,8 +374,6 @@ class AssemblyProgram:
             "or holes are not as far apart, or as thick, as drawn",
             felt=0.0,
         )
-
-    # -- its steps --------------------------------------------------------------------------
 
     def _move(
         self, *, pace: Pace | None = None, alpha_ratio: float | None = None, **to: float
