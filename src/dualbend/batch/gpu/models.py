@@ -21,10 +21,9 @@ _MAY_CHANGE = ("site_pos", "site_quat")
 _HOLD_WEIGHT = 0.02, 2e-6
 """Mass [kg] and inertia [kg m²] by which MuJoCo is to scale both sides of a hold.
 
-As :func:`dualbend.scene.cell.harden_holds` has them, but in single precision: with holds three
-times harder the solver needs several iterations a step and forces jump for some, and with ten times
-harder ones its Hessian is no longer positive definite. The sheet feels no difference above the
-noise of single precision (docs/gpu.md).
+As :func:`dualbend.scene.cell.harden_holds` has them, but in single precision: with holds five times
+harder the solver needs up to 100 iterations a step, with ten times harder ones its Hessian is no
+longer positive definite. The sheet feels no difference above the noise (docs/gpu.md).
 """
 
 

@@ -196,6 +196,8 @@ class AssemblyProgram:
         # Under tension, which arms that do not comply cannot take off, every sheet turns its grips.
         EI = sheet.bending_stiffness_nm2
         flat = [CheckFlat(EI, clamped, max(_BENT_PER_M * EI, least))] if slack else []
+        aloft, slacken = (
+            [Slacken(slack=slack, timeout_s=config.timeout_s, alpha_ratio=ratio)] if slack else []
             for ratio in (None, 0.0)
         )
         return [
