@@ -8,6 +8,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dualbend.batch.many import run_many
     from dualbend.beam import elastica
     from dualbend.beam.path import (
         ApproximatePath,
@@ -71,6 +72,7 @@ __all__ = [
     "parallel_env",
     "plan_assembly",
     "predict",
+    "run_many",
     "solve_planar",
     "solve_symmetric",
     "worst_moment",
@@ -108,6 +110,7 @@ _HOMES = {
     "parallel_env": "env.arms",
     "plan_assembly": "planning.plan",
     "predict": "stability.prediction",
+    "run_many": "batch.many",
     "solve_planar": "beam.rod.planar",
     "solve_symmetric": "beam.rod.planar",
     "worst_moment": "beam.rod.path_moment",

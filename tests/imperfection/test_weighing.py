@@ -58,6 +58,7 @@ def moment_error_nm(seed: int, found: Calibration) -> float:
     return float(sheet[4] + SENSOR.lever_arm_m * sheet[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("weight_kg", [1.5, 0.0])
 def test_a_moment_is_read_as_well_as_is_predicted(weight_kg: float) -> None:
     """Statistical: rms over 40 drawn sensors, whose relative error is 1/√80."""

@@ -101,6 +101,7 @@ def test_a_start_of_another_sheet_is_refused() -> None:
         Series(short("sheet.width_m=0.25"), series.learned())
 
 
+@pytest.mark.slow
 def test_a_correction_of_a_slower_motion_is_worth_something_at_a_faster_one() -> None:
     slow, fast = Series(short()), short("motion.speed_rad_per_s=0.15")
     bent(slow, 3)
@@ -188,6 +189,7 @@ def test_corrections_stay_within_their_bound() -> None:
 # --- folder and command ----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_series_goes_on_where_it_was_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -59,6 +59,7 @@ def test_the_shipped_sheet_is_laid_through_all_phases_at_the_first_attempt() -> 
     assert not result.trace["attempt"].any()
 
 
+@pytest.mark.slow
 def test_seated_is_what_the_last_state_says() -> None:
     """The default holes are at the centres of four strips, whose plates are found by mj_forward."""
     result = run("pwb", PERFECT)
@@ -214,6 +215,7 @@ def test_the_same_seed_is_the_same_trace_also_of_the_same_object() -> None:
     np.testing.assert_array_equal(table(first.trace), table(again.run().trace))
 
 
+@pytest.mark.slow
 def test_a_second_run_of_the_same_object_begins_anew() -> None:
     prepared = AssemblyRun(load_scenario("pwb", ["task.errors.pickup_yaw_rad=0.01", *OFF]))
     first = table(prepared.run().trace)

@@ -55,7 +55,7 @@ def test_it_is_written_read_back_and_reported(result: RunRecord, tmp_path: Path)
 def test_its_numbers_are_gated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The check runs scenarios in processes of its own; here in this one, which knows the task."""
 
-    def here(sources: Any, workers: Any = None, on_done: Any = None) -> list[Measured]:
+    def here(sources: Any, *_: Any) -> list[Measured]:
         return [measure(source) for source in sources]
 
     monkeypatch.setattr(checking, "measure_all", here)

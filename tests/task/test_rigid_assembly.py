@@ -24,6 +24,7 @@ def test_rigid_arms_do_not_lay_a_misaligned_sheet(seed: int) -> None:
     assert [row.name for row in _rigid(result) if not row.passed] == []
 
 
+@pytest.mark.slow
 def test_rigid_arms_lay_a_sheet_that_is_where_it_should_be() -> None:
     # In the exact cell: with typical errors such arms stand too low or too high to tell a tip.
     result = AssemblyRun(load_scenario("pwb-rigid", [*ALIGNED, "imperfections=none"])).run()

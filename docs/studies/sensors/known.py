@@ -11,7 +11,7 @@ from dualbend.control.force_torque import ForceTorqueConfig
 from dualbend.run.cell import believed_tool
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
-from dualbend.scene.simulation import tool_mass_and_centre
+from dualbend.scene.observation import tool_mass_and_centre
 from dualbend.table import Table, quantity
 from dualbend.types import SIDES, Vector
 
