@@ -1,6 +1,8 @@
 """Runs of one batch are what each is alone, to the bit; one that ends early disturbs no other."""
 
 from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -50,6 +52,7 @@ def assert_as_alone(cases: Sequence[tuple[str, ...]], *, groups: int = 1) -> lis
     runs: list[Run] = [made(*case, seed=seed) for seed, case in enumerate(cases, 1)]
     assert len(grouped(runs, len(runs))) == groups
     records = dict(run_many(runs))
+    assert not any(isinstance(record, Exception) for record in records.values()), records
     for seed, case in enumerate(cases, 1):
         assert_same(records[seed - 1], made(*case, seed=seed).run())
     return [records[i] for i in range(len(cases))]
@@ -103,6 +106,44 @@ def test_a_world_at_its_bounds_says_so_itself() -> None:
     first, second = assert_as_alone([("fig8", *NONE, *bounded), ("fig8", *NONE)])
     assert first.trace["saturated"].any()
     assert not second.trace["saturated"].any()
+
+
+def test_arms_stand_elsewhere_in_every_world() -> None:
+    places = ("cell.base_height_m=0.95", "cell.base_height_m=0.97")
+    typical = "imperfections.robot.zero_spread_rad=1e-4"
+    assert_as_alone([("fig6", *NONE, typical), *(("fig6", *NONE, typical, one) for one in places)])
+
+
+def test_calibrated_sensors_are_a_batch_of_their_own() -> None:
+    learned = ("sensor.calibration={weight_kg=0.5, attitudes=3, grips=2, readings=2}",)
+    assert_as_alone([("fig8", *SHORT, *more) for more in ((), learned, (), learned)], groups=2)
+
+
+def test_own_controllers_fail_alone() -> None:
+    """Of a shape that is no deviation, and where the arms cannot go."""
+    answers = ["observation.filtered.components * 0", "np.zeros(3)", "np.full((2, 6), 0.9)"]
+    module = "".join(
+        f"class C{i}:\n    def __init__(self, scenario): pass\n"
+        f"    def __call__(self, observation): return {answer}\n"
+        for i, answer in enumerate(answers)
+    )
+    with TemporaryDirectory() as folder:
+        name = "controllers_of_a_batch"
+        (Path(folder) / f"{name}.py").write_text(f"import numpy as np\n{module}")
+        both = 'sensing=["left","right"], complying=["left","right"]'
+        kinds = [f'compliance={{kind="{name}:C{i}", {both}}}' for i in range(3)]
+        with pytest.MonkeyPatch.context() as patch:
+            patch.syspath_prepend(folder)
+            records = assert_as_alone([("fig8", *NONE, kind) for kind in kinds])
+    assert [one.outcome for one in records] == ["completed", "failed", "protective_stop"]
+
+
+def test_a_run_stands_once_and_a_batch_has_a_size() -> None:
+    run = made("fig8", *NONE)
+    with pytest.raises(InputError, match="twice"):
+        next(run_many([run, run]))
+    with pytest.raises(InputError, match="batch = 0"):
+        next(run_many([run], batch=0))
 
 
 def test_a_world_that_stops_ends_as_it_does_alone_and_the_others_go_on() -> None:

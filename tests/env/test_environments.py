@@ -14,6 +14,7 @@ from dualbend import InputError, parallel_env
 from dualbend.env.assemble import AssembleEnv
 from dualbend.env.base import SENSING
 from dualbend.env.bend import BendEnv
+from dualbend.env.worlds import BendWorlds
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.bed.config import HOLES
@@ -171,23 +172,42 @@ def test_worlds_are_the_environments_that_they_are_alone() -> None:
 
 
 def test_a_world_that_stops_waits_for_the_others() -> None:
+    """Golden to the bit until then, of an environment of its own; then it is told no more."""
     worlds = gymnasium.make_vec(
         BEND, num_envs=2, vectorization_mode="vector_entry_point", settings=SHORT
     )
+    alone = BendEnv(settings=SHORT)
     worlds.reset(seed=1)
-    action = np.zeros((2, 6))
-    rewards, ended = [], np.zeros(2, dtype=bool)
+    alone.reset(seed=2)
+    action, ended, single = np.zeros((2, 6)), np.zeros(2, dtype=bool), False
+    with pytest.raises(InputError, match="finite"):
+        worlds.step(np.full((2, 6), np.nan))
     outcomes: dict[int, str] = {}
+    steps = 0
     while not ended.all():
-        action[1, [2, 5]] = 0.1 * (-1.0) ** len(rewards)
-        before = ended
-        _, reward, ended, _, infos = worlds.step(action)
-        rewards.append(reward)
+        action[1, [2, 5]] = 0.1 * (-1.0) ** steps
+        before, steps = ended, steps + 1
+        seen, reward, ended, _, infos = worlds.step(action)
+        if not single:
+            one, wanted, single, _, _ = alone.step(action[1])
+            np.testing.assert_array_equal(seen[1], one)
+            assert reward[1] == wanted
+            assert ended[1] == single
+        else:
+            assert reward[1] == 0.0
         for world in np.flatnonzero(ended & ~before):
             outcomes[int(world)] = infos["outcome"][world]
-    assert outcomes[0] == "completed"
-    assert outcomes[1] == "protective_stop"
-    assert rewards[-1][1] == 0.0
-    assert min(reward[1] for reward in rewards) < -1000.0
+    assert outcomes == {0: "completed", 1: "protective_stop"}
     with pytest.raises(InputError, match="together"):
         worlds.reset(options={"reset_mask": np.array([True, False])})
+
+
+def test_worlds_that_are_asked_wrongly_say_what_is_right() -> None:
+    for wrong in ({"num_envs": 0}, {"num_envs": 2, "threads": -1}):
+        with pytest.raises(InputError, match="at least 1"):
+            BendWorlds(settings=SHORT, **wrong)
+    worlds = BendWorlds(2, settings=SHORT)
+    with pytest.raises(InputError, match="reset first"):
+        worlds.step(np.zeros((2, 6)))
+    with pytest.raises(InputError, match="1 of them for 2"):
+        worlds.reset(seed=[1])

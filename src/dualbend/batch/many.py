@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from dualbend.batch.group import grouped
 from dualbend.batch.loop import BatchLoop
 from dualbend.batch.physics import Physics
+from dualbend.errors import InputError
 from dualbend.run.cell import RobotCell
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
@@ -17,7 +18,7 @@ BATCH = 32
 
 
 def run_many(
-    runs: Sequence[Run],
+    runs: Iterable[Run],
     *,
     batch: int = BATCH,
     threads: int = 1,
@@ -32,8 +33,14 @@ def run_many(
     or "cpu", the physics of batches is MuJoCo Warp's there, in single precision: what ends early is
     run again alone, on the CPU. ``on_note`` is called with what the user should know while waiting.
 
-    Raises InputError where there is no such device, or MuJoCo Warp cannot simulate the cells.
+    Raises InputError where a run stands twice, there is no such device, or MuJoCo Warp cannot
+    simulate the cells.
     """
+    if batch < 1:
+        raise InputError(f"batch = {batch}: must be at least 1")
+    runs = list(runs)
+    if len({id(run) for run in runs}) < len(runs):
+        raise InputError("runs: one stands twice; each has a cell of its own, make it again")
     physics = _on(device, on_note) if device else None
     for group in grouped(runs, batch):
         worlds = [run for run in (runs[i] for i in group) if isinstance(run, BendingRun)]

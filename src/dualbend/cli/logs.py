@@ -33,6 +33,11 @@ def export(run: Path, mcap: Path | None, csv: Path | None) -> None:
 
     if mcap is None and csv is None:
         raise InputError("export needs --mcap FILE or --csv FILE")
+    if mcap is not None and csv is not None and mcap.resolve() == csv.resolve():
+        raise InputError(f"--mcap and --csv are both {csv}: give two files")
+    for option, file in (("--mcap", mcap), ("--csv", csv)):
+        if file is not None and file.exists() and file.resolve().parent == run.resolve():
+            raise InputError(f"{option} {file}: is a file of the run; give another one")
     record = load_run(run, unfinished=True)
     if mcap is not None:
         written = write_mcap(record, mcap)

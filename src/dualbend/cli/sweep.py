@@ -76,7 +76,7 @@ def sweep(
         place = on_device(device, batch, lambda note: click.echo(note, err=True))
     progress = Progress()
     try:
-        rows = run_sweep(loaded, design, folder, place, on_run=progress)
+        rows = run_sweep(loaded, design, folder, place, device=device, on_run=progress)
     except KeyboardInterrupt:
         progress.end_line()
         exit_interrupted(progress.done, progress.total, folder)

@@ -51,7 +51,11 @@ class BendWorlds(VectorEnv[Vector, Vector, Any]):
         self._one = BendEnv(
             scenario, settings, moment_scale_nm=moment_scale_nm, failure_cost=failure_cost
         )
+        for name, given in (("num_envs", num_envs), ("threads", threads)):
+            if given is not None and given < 1:
+                raise InputError(f"{name} = {given}: must be at least 1")
         self.num_envs, self._threads = num_envs, threads or os.cpu_count() or 1
+        self._loop: BatchLoop | None = None
         self.single_action_space = self._one.action_space
         self.single_observation_space = self._one.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -65,8 +69,10 @@ class BendWorlds(VectorEnv[Vector, Vector, Any]):
         Raises InputError where only some worlds are to be reset.
         """
         mask = (options or {}).get("reset_mask")
-        if mask is not None and not np.all(mask):
+        if mask is not None and (np.shape(mask) != (self.num_envs,) or not np.all(mask)):
             raise InputError("reset_mask: the worlds of a batch are reset together")
+        if isinstance(seed, int | np.integer):
+            seed = int(seed)
         super().reset(seed=seed if isinstance(seed, int) else None)
         seeds = self._seeds(seed)
         scenario = self._one.cell.scenario
@@ -79,37 +85,60 @@ class BendWorlds(VectorEnv[Vector, Vector, Any]):
         self._ended: Mask = np.zeros(self.num_envs, dtype=np.bool_)
         self._actions: list[Vector] = []
         self._started = time.perf_counter()
-        return self._one.flat(self._loop.look()), {"seed": np.array(seeds)}
+        self._seen = self._one.flat(self._loop.look())
+        return self._seen.copy(), {"seed": np.array(seeds)}
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int]:
         if isinstance(seed, int):
             return [seed + i for i in range(self.num_envs)]
         drawn = self.np_random.integers(2**31, size=self.num_envs).tolist()
         given = [None] * self.num_envs if seed is None else list(seed)
-        return [d if one is None else one for d, one in zip(drawn, given, strict=True)]
+        if len(given) != self.num_envs:
+            raise InputError(f"seed: {len(given)} of them for {self.num_envs} worlds")
+        return [d if one is None else int(one) for d, one in zip(drawn, given, strict=True)]
 
     def step(self, actions: Vector) -> tuple[Vector, Vector, Mask, Mask, Info]:
         """Run one command cycle in every world that has not ended."""
-        loop, n = self._loop, self.num_envs
+        loop, n = self._begun(), self.num_envs
         deviation = np.zeros((n, len(SIDES), 6))
-        deviation[..., ::2] = self._one.inside(actions)
-        self._actions.append(deviation)
+        deviation[..., ::2] = self._one.inside(self._numbers(actions))
         loop.act(deviation)
+        self._actions.append(deviation)
         done = loop.trace.rows >= int(loop.cycles.max())
         if not done and loop.active.any():
-            self._seen = self._one.flat(loop.look())
+            seen = self._one.flat(loop.look())
+            # What ends a world comes before its next observation.
+            self._seen = np.where(loop.active[:, np.newaxis], seen, self._seen)
         moment_nm = np.stack([loop.trace.last(f"{side}_true_moment_y") for side in SIDES], axis=-1)
         ends = ~self._ended & (loop.left | done)
+        records = {world: self._record(world) for world in np.flatnonzero(ends).tolist()}
+        for world, record in records.items():
+            moment_nm[world] = [record.trace[f"{side}_true_moment_y"][-1] for side in SIDES]
         rewards = np.where(self._ended, 0.0, self._one.reward(moment_nm))
         infos: Info = {"moment_nm": moment_nm}
-        for world in np.flatnonzero(ends).tolist():
-            record = self._played(world) if loop.left[world] else loop.record(world, self._wall_s())
+        for world, record in records.items():
             if record.outcome != "completed":
                 rewards[world] -= self._one.failure_cost
             infos = self._add_info(infos, end_of(record), world)
         self._ended |= ends
-        seen: Vector = self._seen.copy()
+        seen = self._seen.copy()
         return seen, rewards, self._ended.copy(), np.zeros(n, dtype=np.bool_), infos
+
+    def _begun(self) -> BatchLoop:
+        if self._loop is None:
+            raise InputError("the worlds have not begun: call reset first")
+        return self._loop
+
+    def _numbers(self, actions: Vector) -> Vector:
+        given = np.asarray(actions, dtype=np.float64)
+        wanted = (self.num_envs, *self._one.action_space.shape)
+        if given.shape != wanted or not np.isfinite(given).all():
+            raise InputError(f"actions: need {wanted} finite numbers, got {given.tolist()}")
+        return given
+
+    def _record(self, world: int) -> RunRecord:
+        loop = self._begun()
+        return self._played(world) if loop.left[world] else loop.record(world, self._wall_s())
 
     def _wall_s(self) -> float:
         return (time.perf_counter() - self._started) / self.num_envs

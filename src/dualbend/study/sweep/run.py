@@ -67,10 +67,12 @@ def run_sweep(
     place: Place,
     *,
     run: RunOne = run_row,
+    device: str | None = None,
     on_run: Callable[[int, int, RunRow | None], None] = lambda *_: None,
 ) -> list[RunRow]:
     """Make the runs that the folder does not have yet; return all, by index.
 
+    ``device``: what ``place`` runs the physics on, if not the CPU; its rows are no others' rows.
     ``on_run`` as :meth:`dualbend.study.engine.Study.run` has it. Raises InputError where the folder
     is another sweep's or cannot be used, or every run's scenario is refused; KeyboardInterrupt
     where it is interrupted: the runs that were done are in the folder, and the same call goes on.
@@ -88,7 +90,12 @@ def run_sweep(
     kept = StudyFolder(
         folder=folder,
         row=RunRow,
-        study={"versions": versions(), "scenario": text, "sweep": sweep.to_toml(all_of_it=False)},
+        study={
+            "versions": versions(),
+            "scenario": text,
+            "sweep": sweep.to_toml(all_of_it=False),
+            **({} if device is None else {"device": device}),
+        },
         files={SCENARIO: text, SWEEP: complete},
         check=partial(_refuse_strangers, len(design.rows)),
     )
