@@ -30,6 +30,8 @@ DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
 THEORY = sorted(DOCS.glob("theory-*.md"))
 WITH_EXAMPLES = ("tutorial", "results", "api", "ci", "your-controller", "your-sheet")
+SLOW_EXAMPLES = {"performance": 1, "environments": 3}
+"""How many there are."""
 
 SHORT = (
     "path.end_rad=0.4",
@@ -82,7 +84,10 @@ def run_shell(block: Block) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", WITH_EXAMPLES)
+@pytest.mark.parametrize(
+    "name",
+    [*WITH_EXAMPLES, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW_EXAMPLES)],
+)
 def test_every_example_runs(
     name: str,
     tmp_path: Path,
@@ -119,7 +124,7 @@ def test_every_example_runs(
             capsys.readouterr()
             exec(compile(block.text, f"{name}.md", "exec"), names)
             printed = capsys.readouterr().out
-    assert ran >= 4
+    assert ran >= SLOW_EXAMPLES.get(name, 4)
 
 
 def test_no_example_is_left_out() -> None:

@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
+from dualbend.batch.benchmark import benchmark_batch
 from dualbend.batch.group import alone, grouped
 from dualbend.batch.loop import BatchLoop
 from dualbend.batch.many import run_many
@@ -136,6 +137,16 @@ def test_own_controllers_fail_alone() -> None:
             patch.syspath_prepend(folder)
             records = assert_as_alone([("fig8", *NONE, kind) for kind in kinds])
     assert [one.outcome for one in records] == ["completed", "failed", "protective_stop"]
+
+
+def test_the_benchmark_parts_a_cycle_into_physics_and_control() -> None:
+    found = benchmark_batch(load_scenario("fig8", NONE), 2, threads=1)
+    parts = float(found["physics_us"]), float(found["control_us"])
+    assert min(parts) > 0.0
+    assert sum(parts) == pytest.approx(float(found["cycle_us"]))
+    assert (found["worlds"], found["left"]) == (2, 0)
+    with pytest.raises(InputError, match="one by one: a sheet that may slide"):
+        benchmark_batch(load_scenario("fig8", (*NONE, "grasp.friction=0.8")), 2)
 
 
 def test_a_run_stands_once_and_a_batch_has_a_size() -> None:

@@ -322,7 +322,7 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
     click.echo(f"{out}: open it with python -m mujoco.viewer --mjcf={out}")
 
 
-@command("dualbend benchmark fig8 --repeat 3")
+@command("dualbend benchmark fig8 --repeat 3", "dualbend benchmark fig8 --worlds 64")
 @click.argument("scenario", default="fig8", shell_complete=complete_scenarios)
 @SETTINGS
 @click.option("--repeat", type=click.IntRange(1, 1000), default=5, help="Number of repetitions.")
@@ -330,23 +330,38 @@ def scene(scenario: str, out: Path, settings: tuple[str, ...]) -> None:
     "--device",
     help="Instead, replay the run in many worlds there with MuJoCo Warp: cuda, cuda:1, cpu.",
 )
-@click.option("--worlds", type=click.IntRange(1), default=1024, help="On the device.")
+@click.option(
+    "--worlds",
+    type=click.IntRange(1),
+    help="Instead, as many closed loops as one batch; on a device, 1024 by default.",
+)
 def benchmark(
-    scenario: str, settings: tuple[str, ...], repeat: int, device: str | None, worlds: int
+    scenario: str,
+    settings: tuple[str, ...],
+    repeat: int,
+    device: str | None,
+    worlds: int | None,
 ) -> None:
     """Compare the loop's time with that of bare mj_step calls.
 
-    Both go through the same states of the same model, alternately in one process.
+    Both go through the same states of the same model, alternately in one process. With --worlds a
+    batch is compared with a run alone.
     """
     from dualbend.study.benchmark import benchmark as measure
 
     loaded = load(scenario, settings)
-    if device is None:
+    if device is None and worlds is None:
         rates = measure(loaded, repeat)
+    elif device is None:
+        from dualbend.batch.benchmark import benchmark_batch
+
+        rates = benchmark_batch(loaded, worlds or 1)
     else:
         from dualbend.batch.gpu.benchmark import benchmark_device
 
-        rates = benchmark_device(loaded, worlds, device, lambda note: click.echo(note, err=True))
+        rates = benchmark_device(
+            loaded, worlds or 1024, device, lambda note: click.echo(note, err=True)
+        )
     for name, value in rates.items():
         spec = ">12.4g" if isinstance(value, float) else ">12"
         click.echo(f"{name:<28}{value:{spec}}")
