@@ -6,14 +6,17 @@ import mujoco
 import numpy as np
 
 from dualbend.control.alter import turn
-from dualbend.scene.ik import TOLERANCE_M, TOLERANCE_RAD, IKSolution
+from dualbend.scene.ik import IKSolution
 from dualbend.scene.observation import BENDING_TO_WORLD
 from dualbend.scene.posed import Posed
 from dualbend.types import SIDES, Mask, Vector
 
 _POSE = 6
 _MAX_STEPS = 6
-"""One is enough for deviations of millimetres."""
+"""One or two are enough for deviations of millimetres."""
+
+_RESTS = 1e-10
+"""Residual [m, rad] that is left: set-points that stayed for less would be a dead zone."""
 
 _ABOVE, _BELOW = np.array([7, 2, 3]), np.array([5, 6, 1])
 """Where a matrix (9,) has its skew part: r₃₂ − r₂₃, r₁₃ − r₃₁, r₂₁ − r₁₂."""
@@ -26,8 +29,8 @@ class PoseCorrection:
     """Joint angles (..., n) of grip poses near those of known angles, one world or many.
 
     Newton's method on the arms' own Jacobians, ``q ← q + J⁻¹ e``, with the grip's error e in the
-    world, ``[p* − p; ½ Σ rᵢ × r*ᵢ]``, until it is within mink's tolerances. Arms of six joints
-    only: J (..., 2, 6, 6) of both arms is square.
+    world, ``[p* − p; ½ Σ rᵢ × r*ᵢ]``, to well within mink's tolerances. Arms of six
+    joints only: J (..., 2, 6, 6) of both arms is square.
 
     Parameters
     ----------
@@ -63,7 +66,7 @@ class PoseCorrection:
             squares = np.einsum("...i,...i->...", halves, halves).max(axis=-2)
             residual = np.sqrt(squares)
             position, rotation = residual[..., 0], residual[..., 1]
-            left = left & ((position > TOLERANCE_M) | (rotation > TOLERANCE_RAD))
+            left = left & (np.maximum(position, rotation) > _RESTS)
             if step == _MAX_STEPS or not np.count_nonzero(left):
                 break
             jacobian = self._posed.jacobian(left)
