@@ -120,6 +120,17 @@ def test_calibrated_sensors_are_a_batch_of_their_own() -> None:
     assert_as_alone([("fig8", *SHORT, *more) for more in ((), learned, (), learned)], groups=2)
 
 
+def test_the_friction_that_was_told_is_each_worlds_own() -> None:
+    scenario = load_scenario("fig8", NONE)
+    told = np.random.default_rng(1).uniform(0.6, 1.4, (2, 12))
+    runs = [BendingRun(scenario, friction=one) for one in told]
+    records = dict(run_many(runs))
+    for i, one in enumerate(told):
+        record = records[i]
+        assert isinstance(record, RunRecord)
+        assert_same(record, BendingRun(scenario, friction=one).run())
+
+
 def test_own_controllers_fail_alone() -> None:
     """Of a shape that is no deviation, and where the arms cannot go."""
     answers = ["observation.filtered.components * 0", "np.zeros(3)", "np.full((2, 6), 0.9)"]

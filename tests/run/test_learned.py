@@ -116,6 +116,8 @@ def test_a_seed_is_not_what_a_correction_belongs_to(path: Path) -> None:
         ("correction_rad", {"left": [0.0]}, "as many values for the left as for the right"),
         ("correction_rad", {"left": [9.0], "right": [0.0]}, "0.5"),
         ("correction_rad", {"left": [0.0], "right": [0.0]}, "has 1 values"),
+        ("friction_ratio", [1.0, 1.0], "friction_ratio has 2 values; the arms have 12 joints"),
+        ("friction_ratio", [-1.0] * 12, "friction_ratio"),
         ("more", 1, "more"),
     ],
 )

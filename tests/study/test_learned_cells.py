@@ -50,6 +50,23 @@ def test_a_typical_cell_learns_a_tenth_and_keeps_it(seed: int) -> None:
     assert np.median(hold) < 4e-3  # a reading's standard deviation is 2 mN m
 
 
+@pytest.mark.parametrize("true", [0.7, 1.3])
+def test_friction_that_is_told_before_the_first_sheet_leaves_less_at_the_start(true: float) -> None:
+    """Joints that break away otherwise than is fed forward: what learning cannot follow."""
+    robot = f"robot={{coulomb_ratio={true},stiction_excess=0.1}}"
+    settings = [f'imperfections={{preset="none",{robot}}}', "path.end_rad=0.3"]
+    first = {
+        estimate: bent(
+            Series(
+                load_scenario("learned", [*settings, f"robot.servo.friction_estimate={estimate}"])
+            ),
+            6,
+        )[0][-1].peaks_nm[0]
+        for estimate in ("none", "{}")
+    }
+    assert first["{}"] < 0.4 * first["none"]
+
+
 def test_the_error_of_a_sensor_is_what_is_learned() -> None:
     """The reading goes to zero; 0.5 % of scale and cross-talk at 35 N leave tens of mN m."""
     series = Series(load_scenario("learned", ["sensor.calibration=none"], seed=4))

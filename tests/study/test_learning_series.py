@@ -32,7 +32,9 @@ SHORT = (
     "sheet.model.hinges=10",
     "physics.step_s=0.0035",
     "imperfections=none",
+    "robot.servo.friction_estimate=none",
 )
+FRICTION = ("robot.servo.friction_estimate={}", "imperfections.robot.coulomb_ratio=0.7")
 
 
 def short(*settings: str) -> Scenario:
@@ -68,19 +70,23 @@ def test_the_moment_falls_from_sheet_to_sheet_to_what_the_noise_leaves() -> None
     assert all(sheet.learned for sheet in sheets)
 
 
-def test_what_was_learned_is_what_a_later_run_reads(tmp_path: Path) -> None:
-    series = Series(short())
+@pytest.mark.parametrize("settings", [(), FRICTION])
+def test_what_was_learned_is_what_a_later_run_reads(
+    tmp_path: Path, settings: tuple[str, ...]
+) -> None:
+    series = Series(short(*settings))
     bent(series, 2)
     path = tmp_path / LEARNED
     path.write_text(series.learned().to_json(), encoding="utf-8")
     assert series.learned().sheets == 2
     third, run = series.next_sheet()
-    again = make_run(short(f"path.learned={path}", "repeat=3")).run()
+    again = make_run(short(*settings, f"path.learned={path}", "repeat=3")).run()
     for name, _ in run.trace.columns:
         if name not in WALL_CLOCK_COLUMNS:
             assert np.array_equal(again[name], run[name]), name
     assert third.sheet == 3
     assert again.learned.startswith("learned.json, 2 sheets")
+    assert ("friction of the joints" in again.learned) == bool(settings)
 
 
 def test_a_series_that_starts_from_a_file_goes_on_with_it(tmp_path: Path) -> None:
@@ -99,6 +105,17 @@ def test_a_start_of_another_sheet_is_refused() -> None:
     bent(series, 1)
     with pytest.raises(InputError, match=r"learned with sheet.width_m = 0.3"):
         Series(short("sheet.width_m=0.25"), series.learned())
+
+
+def test_the_friction_of_the_start_stays_that_of_all_sheets() -> None:
+    told = Series(short(*FRICTION))
+    bent(told, 1)
+    start = told.learned()
+    assert start.friction is not None
+    known = msgspec.structs.replace(start, friction_ratio=[0.5, *start.friction[1:].tolist()])
+    series = Series(short(*FRICTION), known)
+    bent(series, 1)
+    assert series.learned().friction_ratio == known.friction_ratio
 
 
 @pytest.mark.slow

@@ -70,6 +70,7 @@ class BatchLoop:
         self._guard = make_guard(scenario, first.cell, shape)
         self._sensor_guard = make_sensor_guard(scenario, first.sensors, shape)
         self._servo = JointServo.stacked([cell.servo for cell in cells])
+        self._friction = np.stack([cell.friction.ratio for cell in cells])[:, np.newaxis]
         self._integral = make_integral(scenario, robots[0], shape)
         self._response = make_response(scenario, first.cell.arms, shape)
         self._response.reset(np.stack([cell.home for cell in cells]))
@@ -172,7 +173,9 @@ class BatchLoop:
         error = self._reference - self._seen.q
         offset = self._integral.update(error)
         now = self._response.update(sent)
-        setpoints = self._servo.setpoint(now.position, now.velocity, now.acceleration)
+        setpoints = self._servo.setpoint(
+            now.position, now.velocity, now.acceleration, self._friction
+        )
         self._sample = physics.advance(setpoints + offset[:, np.newaxis], self.active)
         self._leave(physics.failed)
         wall_s = (time.perf_counter() - self._began) / len(self._runs)

@@ -121,6 +121,9 @@ def _series(
         done = series.done
         if sheet is None:
             click.echo(f"{loaded.name}, seed {loaded.seed}: {series.prediction}", err=True)
+            if done < sheets and series.friction is not None:
+                ratios = ", ".join(f"{ratio:.2f}" for ratio in series.friction)
+                click.echo(f"friction of the joints over the believed one: {ratios}", err=True)
         else:
             click.echo(table([sheet]).text().splitlines()[-1], err=True)
 

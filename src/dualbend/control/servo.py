@@ -54,7 +54,8 @@ class IntegralConfig(Config):
 class FrictionEstimateConfig(Config):
     """Estimate of the joints' Coulomb friction, from what they need while they move freely.
 
-    Friction changes with temperature, grease and wear. The rate is assumed.
+    The arms go without a sheet before the first one of an assembly, or of dualbend learn. Friction
+    changes with temperature, grease and wear. The rate is assumed.
     """
 
     rate_per_s: Annotated[float, said("at which an estimate comes to its value", gt=0, le=20)] = 2.0
@@ -144,6 +145,11 @@ class FrictionEstimate:
     IEEE J. Robotics and Automation 3 (1987) 681.
 
     ``coulomb_friction`` (n,) believed T_c; a joint without it has nothing to estimate.
+
+    Attributes
+    ----------
+    ratio : (..., n) r
+    known : (n,) r before anything is estimated; 1, or what was told before
     """
 
     def __init__(
@@ -156,6 +162,7 @@ class FrictionEstimate:
         shape: tuple[int, ...] = (),
     ) -> None:
         self.config = config
+        self.known: Vector = np.ones(len(stiffness))
         self.ratio: Vector = np.ones((*shape, len(stiffness)))
         self._weight: Vector = np.zeros((*shape, len(stiffness)))
         self._rate = 0.0 if config is None else config.rate_per_s * period_s
@@ -163,8 +170,8 @@ class FrictionEstimate:
         self._share = np.where(has, stiffness, 0.0) / np.where(has, coulomb_friction, 1.0)
 
     def reset(self) -> None:
-        """Believe in what is written down."""
-        self.ratio[:], self._weight[:] = 1.0, 0.0
+        """Believe in what is known."""
+        self.ratio[:], self._weight[:] = self.known, 0.0
 
     def update(self, error: Vector, speed: Vector) -> Vector:
         """Take q_r − q + z [rad] and the reference speed [rad/s], (..., n); return r (..., n).

@@ -3,6 +3,7 @@
 JSON: ``format``; ``scenario``, ``seed`` and ``sheets`` that it was learned on; ``force_n``, the
 force along x in the hold of the sheets that taught it [N]; ``period_s`` of its values [s];
 ``correction_rad``, the turn that is added to each arm's path at every command cycle [rad];
+``friction_ratio``, true over believed Coulomb friction of the left and then the right arm's joints;
 ``belongs_to``, the scenario's sections without which it is another motion's.
 """
 
@@ -16,7 +17,7 @@ import msgspec
 import numpy as np
 
 from dualbend.errors import InputError, refusing
-from dualbend.run.arms import with_placements
+from dualbend.run.arms import side_arm, with_placements
 from dualbend.run.reading.json_file import file_bytes, read_json
 from dualbend.scenario.motion import MotionConfig, NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario, without_none
@@ -25,6 +26,7 @@ from dualbend.types import SIDES, Config, Side, Vector
 _SECTIONS = ("path", "motion", "robot", "sheet", "cell", "grasp", "compliance", "task")
 
 _Turn = Annotated[float, msgspec.Meta(ge=-0.5, le=0.5)]
+_Ratio = Annotated[float, msgspec.Meta(ge=0.0, le=10.0)]
 
 
 class LearnedFile(Config):
@@ -38,11 +40,17 @@ class LearnedFile(Config):
     period_s: float
     belongs_to: dict[str, dict[str, Any]]
     correction_rad: dict[Side, list[_Turn]]
+    friction_ratio: list[_Ratio] | None = None
 
     @property
     def correction(self) -> Vector:
         """The correction (2, cycles) [rad] of the left and the right arm."""
         return np.array([self.correction_rad[side] for side in SIDES])
+
+    @property
+    def friction(self) -> Vector | None:
+        """The friction ratio (n,) of all joints [-]; None: as it is believed."""
+        return None if self.friction_ratio is None else np.array(self.friction_ratio)
 
     def to_json(self) -> str:
         """Return the text of the file."""
@@ -70,6 +78,12 @@ class LearnedFile(Config):
             raise InputError(
                 f"period_s = {self.period_s}: must be {scenario.period_s}, the command period"
             )
+        joints = sum(side_arm(scenario, side).count for side in SIDES)
+        if self.friction_ratio is not None and len(self.friction_ratio) != joints:
+            raise InputError(
+                f"friction_ratio has {len(self.friction_ratio)} values; the arms have {joints} "
+                "joints"
+            )
         for section, asked in belongings(scenario).items():
             if any_speed and section == "motion":
                 continue
@@ -94,8 +108,8 @@ def read_learned(path: Path) -> LearnedFile:
     return found
 
 
-def path_correction(scenario: Scenario) -> tuple[Vector, str]:
-    """Return the correction (2, cycles) that ``path.learned`` names, and how a record names it.
+def read_for(scenario: Scenario) -> tuple[LearnedFile, str]:
+    """Return what the file holds that ``path.learned`` names, and how a record names it.
 
     Raises InputError where there is no such file, or it belongs to something else.
     """
@@ -105,7 +119,8 @@ def path_correction(scenario: Scenario) -> tuple[Vector, str]:
         found.refuse_other(scenario)
         found.motion(scenario)
         sha256 = hashlib.sha256(file_bytes(path)).hexdigest()
-    return found.correction, f"{path.name}, {found.sheets} sheets, sha256 {sha256}"
+    told = "" if found.friction_ratio is None else ", friction of the joints"
+    return found, f"{path.name}, {found.sheets} sheets{told}, sha256 {sha256}"
 
 
 def belongings(scenario: Scenario) -> dict[str, dict[str, Any]]:

@@ -36,6 +36,7 @@ class PlanarRun(Run):
     ----------
     nominal_poses : (cycles, 3) x, z [m], α [rad] of both grips in their bending frames
     nominal_q : (cycles, n) their joint angles [rad], by mink; None where it is to stay in the loop
+    free : nothing is between the arms: they tell their friction
 
     Parameters
     ----------
@@ -49,6 +50,8 @@ class PlanarRun(Run):
     InputError
         A pose of the motion is out of reach, or its joint speeds are above the arm's.
     """
+
+    free = False
 
     def __init__(self, scenario: Scenario, motion: NominalMotion) -> None:
         self.motion = motion
@@ -80,13 +83,14 @@ class PlanarRun(Run):
         x, z, alpha = self.nominal_poses[n].tolist()
         self.on_cycle(n)
         seen = self.observe(int(self.motion.phase[n]), np.array([alpha, -x, z]))
-        refuse_snapped(float(seen.sag), alpha)
+        if not self.free:
+            refuse_snapped(float(seen.sag), alpha)
         self.on_observed()
         reading = self.read(seen)
         nominal = PlanarPose(np.array([[x, z, alpha]] * len(SIDES)))
         phase = self.phases[self.motion.phase[n]]
         observed, command = yield from self.control(seen, phase, nominal, reading)
-        self.send(self._setpoint(n, command), observed, command)
+        self.send(self._setpoint(n, command), observed, command, free=self.free)
         return True
 
     def _setpoint(self, cycle: int, command: Command) -> IKSolution:

@@ -86,11 +86,12 @@ class Scenario(Config):
         check_arms(self.robot)
         check_joint_counts(self.robot, self.cell, self.imperfections.robot)
         self.task.check(self.sheet, self.motion)
-        if self.robot.servo.friction_estimate is not None and not self.task.moves_freely:
+        free = self.task.moves_freely or self.learning is not None
+        if self.robot.servo.friction_estimate is not None and not free:
             raise InputError(
                 "robot.servo.friction_estimate: in this task the arms always bear the sheet's "
-                'forces; friction is told by arms that move freely, in an assembly. "none" '
-                "switches it off"
+                "forces; friction is told by arms that move freely, in an assembly or before the "
+                'sheets of a section learning. "none" switches it off'
             )
         if not self.task.learns and (self.learning or self.path.learned):
             key = "learning" if self.learning else "path.learned"

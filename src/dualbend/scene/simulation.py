@@ -19,6 +19,8 @@ from dualbend.scene.sheet.strips import StripConfig
 from dualbend.scene.slip import SlidingGrips
 from dualbend.types import SIDES, Vector
 
+_AWAY_M = 10.0
+
 
 class Simulation:
     """A compiled cell and its state, advanced one command cycle at a time.
@@ -122,6 +124,13 @@ class Simulation:
         """Put the sheet elsewhere, at rest, untwisted; arguments as :meth:`positions` has them."""
         self.sheet.place(self.data.qpos, slopes, middle_m, yaw_rad)
         self.data.qvel[self.sheet.dofs] = 0.0
+
+    def take_sheet_away(self) -> None:
+        """Let go of the sheet, which floats flat and far from the arms from then on."""
+        for side in SIDES:
+            self.data.eq_active[self.model.equality(f"{side}_hold").id] = 0
+        self.model.body_gravcomp[self.model.dof_bodyid[self.sheet.dofs]] = 1.0
+        self.put_sheet(np.zeros(len(self.bend_stiffness) + 1), np.array([0.0, _AWAY_M, 1.0]), 0.0)
 
     @property
     def q(self) -> Vector:

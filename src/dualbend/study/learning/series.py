@@ -2,14 +2,17 @@
 
 A learned sheet is one of the same kind that ran to its end. What repeats from sheet to sheet is the
 cell, drawn from the scenario's seed; noise, walks of the sensors' zeros and lost commands are each
-sheet's own (the scenario's ``repeat``).
+sheet's own (the scenario's ``repeat``). Where the servos learn the joints' friction, the arms go
+the path of the first sheet without one before it.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -27,6 +30,7 @@ from dualbend.stability.learning import LearningPrediction, learning_of, predict
 from dualbend.study.ending import result_of
 from dualbend.study.folder import RUNS, StudyFolder
 from dualbend.study.learning.sheet import Sheet, sheet_of
+from dualbend.task.bending.rehearsal import rehearsed_friction
 from dualbend.types import SIDES, Vector
 
 LEARNED = "learned.json"
@@ -53,6 +57,7 @@ class Series:
         self.prediction = predict_learning(scenario)
         self.prediction.refuse_divergence()
         self._arms = [i for i, s in enumerate(SIDES) if s in scenario.compliance.sensing]
+        self._start = start
         self._before, self._forces = 0, list[float]()
         self._motion = self._motion_of(1)
         self._correction = np.zeros((len(self._arms), self._motion.cycles))
@@ -89,6 +94,18 @@ class Series:
         """The correction (2, cycles) [rad] of the next sheet; without a sensor as the other arm."""
         return np.array(np.broadcast_to(self._correction, (len(SIDES), self._motion.cycles)))
 
+    @cached_property
+    def friction(self) -> Vector | None:
+        """True over believed friction of all joints (n,), as the start has it or a motion tells.
+
+        None where the servos do not learn it. InputError where the motion does not go to its end.
+        """
+        if self.scenario.robot.servo.friction_estimate is None:
+            return None
+        if self._start is not None and self._start.friction is not None:
+            return self._start.friction
+        return rehearsed_friction(self.scenario_of(1))
+
     @property
     def sheets(self) -> int:
         """Sheets that taught something, those of the start included."""
@@ -105,6 +122,7 @@ class Series:
             period_s=at.period_s,
             belongs_to=belongings(at),
             correction_rad=dict(zip(SIDES, self.correction.tolist(), strict=True)),
+            friction_ratio=None if self.friction is None else self.friction.tolist(),
         )
 
     def next_sheet(
@@ -116,7 +134,10 @@ class Series:
         self._take(self._motion, motion)
         self._motion = motion
         scenario = vary(self.scenario_of(number))
-        result = result_of(make_run(scenario, correction=self.correction))
+        parts: dict[str, Any] = {"correction": self.correction}
+        if self.friction is not None:
+            parts["friction"] = self.friction
+        result = result_of(make_run(scenario, **parts))
         force = self._force(result)
         note = self._why_not(result, force)
         if not note:

@@ -6,7 +6,7 @@ import numpy as np
 
 from dualbend.control.controller import Controller
 from dualbend.control.learning import CorrectedController
-from dualbend.run.learned import path_correction
+from dualbend.run.learned import read_for
 from dualbend.run.planar import PlanarRun
 from dualbend.scenario.motion import NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario
@@ -47,11 +47,16 @@ class BendingRun(PlanarRun):
     grip_errors : (cycles, 2, 6) how the edges lie to their grippers; None where they lie right
     grips_change : (cycles,) whether they lie otherwise than in the cycle before
 
-    ``correction`` (2, cycles): turn that is added to each arm's path [rad], in place of the file
-    that the scenario names.
+    ``correction`` (2, cycles): turn that is added to each arm's path [rad], and ``friction`` (n,):
+    true over believed Coulomb friction of all joints, in place of the file that the scenario names.
     """
 
-    def __init__(self, scenario: Scenario, correction: Vector | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        correction: Vector | None = None,
+        friction: Vector | None = None,
+    ) -> None:
         self._imposed = imposed_errors(scenario)
         self.grip_errors: Vector | None = None
         self.grips_change: Mask = np.zeros(1, dtype=np.bool_)
@@ -59,8 +64,11 @@ class BendingRun(PlanarRun):
         if correction is not None:
             self.learned = "a correction from Python"
         elif scenario.path.learned is not None:
-            self._correction, self.learned = path_correction(scenario)
+            found, self.learned = read_for(scenario)
+            self._correction, friction = found.correction, found.friction
         super().__init__(scenario, _motion(scenario))
+        if friction is not None:
+            self.cell.friction.known[:] = friction
 
     def controller(self) -> Controller:
         """Return the compliance, with what was learned added where something was."""
