@@ -6,6 +6,7 @@ import msgspec
 
 from dualbend.control.compliance.admittance import NoComplianceConfig
 from dualbend.errors import InputError
+from dualbend.run.record import whole
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.observation import SensorSample
 from dualbend.task.bending.run import BendingRun
@@ -37,10 +38,11 @@ class Rehearsal(BendingRun):
 def rehearsed_friction(scenario: Scenario) -> Vector:
     """Return true over believed Coulomb friction (n,) of all joints, told by the path itself [-].
 
-    1 of a joint that the path does not move. InputError where the motion does not go to its end.
+    1 of a joint that the path does not move. InputError where the motion does not go to its end,
+    KeyboardInterrupt where the user ended it.
     """
     run = Rehearsal(scenario)
-    result = run.run()
+    result = whole(run.run())
     if result.outcome != "completed":
         raise InputError(
             "robot.servo.friction_estimate: the motion without a sheet ended with "
