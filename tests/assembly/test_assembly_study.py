@@ -18,6 +18,7 @@ from assembly.faults import EVENTS, FAULT_FREE, STANDING, fault_free, faults
 from assembly.parts import ARMS, LARGEST_M, LARGEST_RAD, PARTS, Part
 from assembly.study import run_part
 from assembly.table import case_table, wrong
+from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.task.assembly.config import assembly_of
@@ -113,6 +114,19 @@ def test_a_phase_that_the_run_without_faults_does_not_have_gets_none() -> None:
     free = [made_up(case, phases={"lift": (4.0, 5.0)}) for case in fault_free(1)]
     names = [case.name for case in faults(1, free) if case.scenario == "pwb"]
     assert names == [*(f"{event.name} in lift" for event in EVENTS), *STANDING]
+
+
+def test_some_faults_are_those_of_all_and_need_runs_without_them_for_events_alone() -> None:
+    kinds = ("thick pin", "stopped arm")
+    assert list(fault_free(2, kinds[:1])) == []
+    free = [made_up(case, phases=TIMES) for case in fault_free(2)]
+    some = [case for case in faults(2, free) if case.name.startswith(kinds)]
+    assert list(faults(2, free, kinds)) == some
+
+
+def test_only_faults_are_chosen_from(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--only thick pin: is for faults alone, gross has none"):
+        run_part("gross", tmp_path, 1, only=["thick pin"])
 
 
 def test_standing_faults_take_both_signs_and_every_pin() -> None:

@@ -12,7 +12,7 @@ from dualbend.scenario.load import load_scenario
 from dualbend.scene.bed.config import HoleConfig, HolesConfig
 from dualbend.task.assembly.config import SearchConfig, assembly_of
 from dualbend.task.assembly.program.motions import PHASES, Posture, turned
-from dualbend.task.assembly.program.seats import CheckPair
+from dualbend.task.assembly.program.seats import CheckPair, CheckPlay
 from dualbend.task.assembly.program.state import Pushed, State
 from dualbend.types import Vector
 
@@ -29,7 +29,7 @@ def pushed(places: Vector, forces_n: Vector) -> Pushed:
     return Pushed(np.zeros(3), np.array([*forces_n.sum(axis=0), moment]))
 
 
-def check(places: Vector, *forces_n: Vector) -> None:
+def turned_against(*pushes: Pushed) -> State:
     state = State(
         posture=Posture(y=0.0, z=0.0),
         period_s=0.028,
@@ -37,8 +37,13 @@ def check(places: Vector, *forces_n: Vector) -> None:
         end=Posture(y=0, z=0),
     )
     state.row = PHASES.index("check seats")
-    state.pushed.extend(pushed(places, forces) for forces in forces_n)
-    CheckPair(names=NAMES, places=places).advance(state)
+    state.pushed.extend(pushes)
+    return state
+
+
+def check(places: Vector, *forces_n: Vector) -> None:
+    pushes = (pushed(places, forces) for forces in forces_n)
+    CheckPair(names=NAMES, places=places).advance(turned_against(*pushes))
 
 
 @given(
@@ -63,6 +68,37 @@ def test_the_pin_that_is_missing_is_named_wherever_both_would_stand(
         one[alone] = 2.0 * couple[alone] + along_n * way
         with pytest.raises(TaskStopped, match=f"the outer {2 - alone} pin is not felt"):
             check(places, one, -one)
+
+
+@pytest.mark.parametrize(
+    ("turned_rad", "alone", "force_n", "around"),
+    [
+        (1.5e-3, False, 2.5, True),  # wedged fast
+        (4.0e-3, False, 2.5, True),  # lightly: it climbs the tip, and bears the turn
+        (1.5e-3, True, 2.5, True),  # without any play, whatever bears it
+        (5.0e-3, True, 2.5, False),  # beside its pin: the other one's play
+        (1.5e-3, False, 1.0, False),  # not held: it was turned no farther
+    ],
+)
+def test_a_hole_around_a_tip_has_no_play_or_bears_its_share_of_the_turn(
+    turned_rad: float, alone: bool, force_n: float, around: bool
+) -> None:
+    places = np.array([[-0.04, 0.0], [0.04, 0.0]])
+    forces = np.zeros((2, 2))
+    forces[:, 1] = np.array([-2.0, 0.0] if alone else [-1.0, 1.0]) * force_n
+    state = turned_against(
+        *(
+            Pushed(np.array([0.0, 0.0, way * turned_rad / 2]), pushed(places, -way * forces).wrench)
+            for way in (1.0, -1.0)
+        )
+    )
+    # By hand: holes of 0.2 mm play, 0.04 m from the middle; held with 2 N there.
+    step = CheckPlay(play=5e-3, force=2.0 * 0.08, places=places)
+    if not around:
+        assert step.advance(state) is False
+        return
+    with pytest.raises(TaskStopped, match="a middle hole is around the tip of its pin"):
+        step.advance(state)
 
 
 @given(st.floats(-0.02, 0.02), st.tuples(st.floats(-0.1, 0.1), st.floats(-0.02, 0.02)))

@@ -8,8 +8,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from assembly.case import Case, Ran, run_case
-from assembly.faults import FAULT_FREE, fault_free, faults
+from assembly.faults import FAULT_FREE, KINDS, fault_free, faults
 from assembly.parts import PARTS
+from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
 from dualbend.study.ending import RAISED
 from dualbend.study.engine import Study
@@ -58,15 +59,22 @@ def run_part(
     out: Path,
     count: int | None = None,
     *,
+    only: Sequence[str] = (),
     workers: int | None = None,
     on_run: OnRun = lambda *_: None,
 ) -> list[Ran]:
-    """Make the runs of a part, ``count`` draws or seeds of each case."""
+    """Make the runs of a part, ``count`` draws or seeds of each case.
+
+    ``only``: of ``faults`` these, all where it is empty. Raises InputError for another part's.
+    """
     folder = out / name
+    if only and name != FAULTS:
+        raise InputError(f"--only {only[0]}: is for {FAULTS} alone, {name} has none")
     if name != FAULTS:
         part = PARTS[name]
         cases = list(part.design(count or part.count))
         return run_cases(cases, folder, workers=workers, on_run=on_run)
-    seeds = count or FAULT_SEEDS
-    free = run_cases(list(fault_free(seeds)), folder / FAULT_FREE, workers=workers, on_run=on_run)
-    return run_cases(list(faults(seeds, free)), folder, workers=workers, on_run=on_run)
+    seeds, kinds = count or FAULT_SEEDS, only or KINDS
+    first = list(fault_free(seeds, kinds))
+    free = run_cases(first, folder / FAULT_FREE, workers=workers, on_run=on_run)
+    return run_cases(list(faults(seeds, free, kinds)), folder, workers=workers, on_run=on_run)

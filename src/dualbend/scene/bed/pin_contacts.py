@@ -9,7 +9,7 @@ import numpy as np
 
 from dualbend.beam.sheet import Sheet
 from dualbend.scene.bed.config import LayoutConfig, hole_places
-from dualbend.scene.bed.mjcf import laid_body
+from dualbend.scene.bed.mjcf import laid_body, wedged_contact
 from dualbend.scene.sheet.strips import StripConfig, strip_body
 from dualbend.types import Vector
 
@@ -19,10 +19,10 @@ _FALLS_FROM_M, _NEAR_M, _RESOLVED_M = 8e-3, 0.5e-3, 40e-6
 _SLOPE, _FAR_M, _MOST_M = 0.3, 3e-3, 6e-3
 """Of a bent sheet, how far from its pin a hole is where that counts, and what it makes at most."""
 
-_JAMMED = 16.0
-"""Parts of a step where a hole may lie around a tip that is too thick for it, from all sides.
+_WEDGED = 16.0
+"""Parts of a step where a hole may be wedged on a tip that is too thick for it, from all sides.
 
-What a pressed sheet falls there in one part of four is hundreds of newtons between both.
+They resolve :func:`dualbend.scene.bed.mjcf.wedged_contact`, which pins have then.
 """
 
 _THICK_M = 0.5e-3
@@ -73,7 +73,12 @@ class PinContacts:
         self._height, self._near, self._tilts_m = [0.0] * self._count, False, _NEAR_M
         self._strips = [model.body(strip_body(i)).id for i in range(strips.hinges + 1)]
         self._model = model
-        self._jams: list[bool] = (layout.thicker_m > layout.holes.clearance_m).tolist()
+        self._too_thick = layout.thicker_m > layout.holes.clearance_m
+        self._jams, self._wedged = [False] * self._count, False
+        pins = np.array([model.geom(f"pin_{hole}").id for hole in holes])
+        self._tips = pins[self._too_thick]
+        usual = model.geom_solref[pins[0]].copy(), model.geom_solimp[pins[0]].copy()
+        self._contacts = usual, wedged_contact(layout.pins.friction)
         self._forget()
 
     def _forget(self) -> None:
@@ -96,26 +101,36 @@ class PinContacts:
         np.minimum(self._least, depth, out=self._least)
         np.maximum(self._deepest, depth, out=self._deepest)
 
+    def _wedge(self, wedged: bool) -> None:
+        """Let pins that are too thick bear a hole all around, or touch as the others do."""
+        if wedged != self._wedged:
+            solref, solimp = self._contacts[wedged]
+            self._model.geom_solref[self._tips] = solref
+            self._model.geom_solimp[self._tips] = solimp
+            self._wedged = wedged
+
     def parts(self) -> int:
         """Return into how many the next physics step must be divided, not to miss an impact.
 
         So that a hole that comes down to a tip moves by `_RESOLVED_M` in each, down to an eighth;
         a thin sheet's by less. Into four where a sheet is on a tip: pressed by F, m of it fall
-        F dt²/m deep in the one step that a contact is lost. Into `_JAMMED` where its hole is
-        smaller than the pin.
+        F dt²/m deep in the one step that a contact is lost. Into `_WEDGED` where its hole is
+        smaller than the pin, whose contact is another then.
         """
         if not self._near:
+            self._wedge(False)
             return 1
-        heights, needed, jammed = self._heights(), 0.0, False
+        heights, needed, wedged = self._heights(), 0.0, False
         depths = (-self._told[self._distance]).tolist()
         lowest = self._struck_m - self._tilts_m
         for now, before, depth, jams in zip(heights, self._height, depths, self._jams, strict=True):
             fall, above = before - now, now - self._tips_m
             if lowest < above < 3.0 * fall + self._tilts_m:
                 needed = max(needed, fall / _RESOLVED_M, 4.0 if depth > 0.0 else 0.0)
-                jammed = jammed or (jams and above < 0.0)
+                wedged = wedged or (jams and above < 0.0)
         self._height = heights
-        needed = _JAMMED if jammed else min(needed, 8.0) * self._finer
+        self._wedge(wedged)
+        needed = _WEDGED if wedged else min(needed, 8.0) * self._finer
         return next((n for n in (1, 2, 4, 8, 16) if needed <= n), 32)
 
     def peaks(self) -> PinPeaks:
@@ -124,9 +139,10 @@ class PinContacts:
         lasting = np.where(np.isinf(self._least), 0.0, self._least)
         self._height = self._heights()
         above = np.array(self._height) - self._tips_m
-        away = np.abs(self.offsets()[:, :2]).max()
+        away = np.abs(self.offsets()[:, :2]).max(axis=1)
         # A pin far from its hole meets the bent sheet higher or lower than the hole is.
-        self._tilts_m = _NEAR_M + min(_SLOPE * max(away - _FAR_M, 0.0), _MOST_M)
+        self._tilts_m = _NEAR_M + min(_SLOPE * max(float(away.max()) - _FAR_M, 0.0), _MOST_M)
+        self._jams = (self._too_thick & (away < _FAR_M)).tolist()
         near = (above > self._struck_m - self._tilts_m) & (above < _FALLS_FROM_M + self._tilts_m)
         self._near = bool(np.any(near))
         found = PinPeaks(force, edge, lasting, self._deepest)

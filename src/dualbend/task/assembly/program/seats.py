@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -100,6 +100,20 @@ class Centre(Motion):
         return interpolate(state.posture, state.begin, 0.5)
 
 
+def _shares(pushed: Iterable[Pushed], places: Vector) -> tuple[list[float], list[float]]:
+    """Return what the turned sheet of a pair of pins tells, whose ``places`` (2, 2) are given [m].
+
+    The forces across the line between them at both ends of the turn [N], and their shares of what
+    one pin alone makes with the moment there: of what changes between the ends, and at either.
+    """
+    (x, y), arm = (places[1] - places[0]).tolist(), smallest_circle(places)[1]
+    x, y = x / (2.0 * arm), y / (2.0 * arm)
+    # Force across the line between them, and moment: the second pin's have the same sign.
+    one, other = (np.array([x * w[1] - y * w[0], w[2]]) for _, w in pushed)
+    shares = [arm * float(f / m) for f, m in (other - one, one, other)]
+    return [float(one[0]), float(other[0])], shares
+
+
 @dataclass(frozen=True, kw_only=True)
 class CheckPair(Step):
     """Stop the task where the sheet was turned one way and the other against one pin of a pair.
@@ -115,45 +129,45 @@ class CheckPair(Step):
 
     def advance(self, state: State) -> bool:
         """Compare both ends of the turn."""
-        (x, y), arm = (self.places[1] - self.places[0]).tolist(), smallest_circle(self.places)[1]
-        x, y = x / (2.0 * arm), y / (2.0 * arm)
-        # Force across the line between them, and moment: the second pin's have the same sign.
-        turns = [np.array([x * w[1] - y * w[0], w[2]]) for _, w in state.pushed]
-        one, other = turns
-        both, *ends = (arm * float(f / m) for f, m in (other - one, one, other))
+        (one, other), (both, *ends) = _shares(state.pushed, self.places)
         side = math.copysign(1.0, both)
         if abs(both) < _ONE_PIN or min(side * end for end in ends) < _AT_AN_END:
             return False
         missing = self.names[0 if side > 0.0 else 1].replace("_", " ")
         raise state.stopped(
             f"the {missing} pin is not felt: turned one way and the other, the sheet "
-            f"is pushed across with {one[0]:.2f} and {other[0]:.2f} N, by one pin; two would turn "
+            f"is pushed across with {one:.2f} and {other:.2f} N, by one pin; two would turn "
             "it without"
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckPlay(Step):
-    """Stop the task where the turned sheet was held both ways with hardly any play.
+    """Stop the task where a sheet that is held up was turned and both of its pins held it.
 
-    So it is where one hole lies around the tip of its pin and cannot go down: it has none. A hole
-    beside its pin leaves the other one's ``play`` [rad].
+    So they do where one hole lies around the tip of its pin and cannot go down: pressed hard it has
+    no ``play`` [rad], lightly it climbs the tip's flank, but bears its share of the turn, as
+    :class:`CheckPair` has it of a pair at ``places``. A hole beside its pin bears none, and leaves
+    the other one's play.
     """
 
     play: float
     force: float
+    places: Vector
 
     def advance(self, state: State) -> bool:
-        """Compare where the sheet was held."""
+        """Compare where the sheet was held, and by what."""
         one, other = state.pushed
         turned = float(one.place[2] - other.place[2])
         held = min(-one.wrench[2], other.wrench[2])
-        if held < self.force or turned > _NO_PLAY * self.play:
+        both = _shares(state.pushed, self.places)[1][0] if len(self.places) == 2 else 1.0
+        if held < self.force or (turned > _NO_PLAY * self.play and abs(both) > _ONE_PIN):
             return False
         raise state.stopped(
             "a middle hole is around the tip of its pin and does not go down: the turned sheet is "
             f"held after {1e3 * turned:.2f} mrad, where a hole and its pin as drawn leave "
-            f"{1e3 * self.play:.2f}; the hole is too small, or the pin too thick"
+            f"{1e3 * self.play:.2f}, with {abs(both):.2f} of the force across that one pin makes; "
+            "the hole is too small, or the pin too thick"
         )
 
 
@@ -237,7 +251,8 @@ class Feeling:
             return
         play = self.holes.clearance_m / around.radius_m
         touches = gently._touches(2, play, around, must=False)
-        check = CheckPlay(play=play, force=gently.force_n * around.radius_m)
+        force, places = gently.force_n * around.radius_m, self.holes.places_of("middle")
+        check = CheckPlay(play=play, force=force, places=places)
         for step in (*touches, check, gently._back()):
             yield WhereOneIsOn(holes=pair, step=step)
 
