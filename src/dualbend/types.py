@@ -11,7 +11,7 @@ from typing import Any, Literal, dataclass_transform
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -61,6 +61,11 @@ def said(description: str, **bounds: Any) -> msgspec.Meta:  # noqa: ANN401 - msg
 
 Frame = Literal["sensor", "grip", "bending"]
 Point = Literal["sensor", "grip", "middle"]
+
+
+def indices(given: ArrayLike) -> NDArray[np.intp]:
+    """Return indices of the type that ``take`` wants: others it converts in each call."""
+    return np.asarray(given, dtype=np.intp)
 
 
 def matvec(matrix: Vector, vector: Vector) -> Vector:
@@ -166,9 +171,9 @@ class Wrench(msgspec.Struct, frozen=True):
         """
         if self.frame != "grip":
             raise ValueError(f"a wrench along the axes of {self.frame!r}; needs 'grip'")
-        rotation = np.zeros((*np.shape(alpha_rad), 3, 3))
+        sine = np.sin(alpha_rad)
+        rotation = np.zeros((*sine.shape, 3, 3))
         rotation[..., 0, 0] = rotation[..., 2, 2] = np.cos(alpha_rad)
-        rotation[..., 0, 2] = np.sin(alpha_rad)
-        rotation[..., 2, 0] = -rotation[..., 0, 2]
+        rotation[..., 0, 2], rotation[..., 2, 0] = sine, -sine
         rotation[..., 1, 1] = 1.0
         return self.turned(rotation, "bending")

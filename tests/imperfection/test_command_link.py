@@ -38,7 +38,7 @@ def link(seed: int = 1, **keys: Any) -> CommandLink:
 
 def sent(through: CommandLink, count: int) -> tuple[Vector, Vector]:
     """Send the ramp 0, 1, 2, ... to both arms; return what is executed and its age (count, 2)."""
-    pairs = [(through.deliver(np.full(2, float(n))), through.ages) for n in range(count)]
+    pairs = [(through.deliver(np.full(2, float(n))), through.age) for n in range(count)]
     executed, ages = zip(*pairs, strict=True)
     return np.array(executed), np.array(ages)
 

@@ -115,7 +115,7 @@ def test_links_of_many_worlds_are_those_of_each() -> None:
                 arm = int(np.argmax(starved > 0))
                 assert str(no_command(SIDES[arm], starved[arm])) == str(stop)
                 assert stop.sides == SIDES[arm : arm + 1]
-            assert one.ages == many.age[world].tolist()
+            assert one.age.tolist() == many.age[world].tolist()
     assert stopped == {4, 5}
     assert many.age[:4].shape == (4, 2)
 

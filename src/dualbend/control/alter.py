@@ -63,8 +63,10 @@ def turn(angles: Vector) -> Vector:
 
     The pitch comes first, about an axis that stays, so that it adds to the slope of the path.
     """
-    roll, pitch, yaw = np.moveaxis(np.asarray(angles), -1, 0)
-    return np.asarray(_about(2, yaw) @ _about(0, roll) @ _about(1, pitch))
+    pitched = _about(1, angles[..., 1])
+    if not np.count_nonzero(angles[..., ::2]):
+        return pitched
+    return np.asarray(_about(2, angles[..., 2]) @ _about(0, angles[..., 0]) @ pitched)
 
 
 def angles_of(rotation: Vector) -> Vector:
@@ -91,10 +93,9 @@ def conjugated(angles: Vector, slope_rad: Reals) -> Vector:
 
 def _about(axis: int, angle: Reals) -> Vector:
     """Return the rotations (..., 3, 3) about a coordinate axis."""
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    rotation = np.zeros((*np.shape(angle), 3, 3))
+    i, j, sine = (axis + 1) % 3, (axis + 2) % 3, np.sin(angle)
+    rotation = np.zeros((*sine.shape, 3, 3))
     rotation[..., axis, axis] = 1.0
     rotation[..., i, i] = rotation[..., j, j] = np.cos(angle)
-    rotation[..., j, i] = np.sin(angle)
-    rotation[..., i, j] = -rotation[..., j, i]
+    rotation[..., j, i], rotation[..., i, j] = sine, -sine
     return rotation

@@ -111,9 +111,10 @@ class Controller(Protocol):
 
 def as_numbers(given: ArrayLike) -> Vector:
     """Return what a controller gave as an array of floats; TypeError where it is no real number."""
-    if np.iscomplexobj(given):
+    numbers = np.asarray(given)
+    if numbers.dtype.kind == "c":
         raise TypeError("its deviation is complex")
-    return np.asarray(given, dtype=np.float64)
+    return np.asarray(numbers, dtype=np.float64)
 
 
 class ControllerFailed(Exception):  # noqa: N818 - it ends a run, as a protective stop does
@@ -182,7 +183,7 @@ class ControlledPath:
             deviation, saturated = action, NEVER
         if deviation.shape != shape:
             raise ControllerFailed(f"its deviation is of shape {deviation.shape}, not {shape}")
-        if not np.isfinite(deviation).all():
+        if np.count_nonzero(np.isfinite(deviation)) < deviation.size:
             raise ControllerFailed(f"its deviation is not finite: {deviation.tolist()}")
         late = np.empty(shape)
         for i, delay in enumerate(self._delays):

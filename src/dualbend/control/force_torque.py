@@ -19,6 +19,8 @@ from dualbend.control.worlds import BLOCK, Stackable, drawn
 from dualbend.errors import InputError
 from dualbend.types import Config, Mask, Vector, Wrench, matvec, said
 
+_AXES = 6
+
 _Noise = said("standard deviation per axis and sample; 0: none", ge=0, le=1e4)
 _Count = said("one count; 0: not rounded", ge=0, le=1e4)
 _Range = said("full scale ± per axis", gt=0, le=1e5)
@@ -185,7 +187,8 @@ class Sensor(Stackable):
         self._readings += 1
         wrench = wrench + self._bias
         wrench += self._noise[at]
-        reading = np.minimum(np.maximum(wrench, self._lowest), self._highest)
+        reading = np.maximum(wrench, self._lowest)
+        np.minimum(reading, self._highest, out=reading)
         clipped = reading != wrench
         part = reading[..., self._rounded]
         np.rint(part / self._count, out=part)
@@ -288,6 +291,7 @@ class WrenchChain(Stackable):
         self._primed = False
         self._last = np.full(self._to_grip.shape[:-1], np.nan)
         self._clipped: Mask = np.zeros(self._last.shape, dtype=np.bool_)
+        self._never: Mask = np.zeros(self._last.shape[:-1], dtype=np.bool_)
 
     def update(
         self, wrench: Vector, rotation_world_sensor: Vector, *, new: bool = True
@@ -297,7 +301,7 @@ class WrenchChain(Stackable):
         ``new``: it is another sample than the last one.
         """
         reading, clipped = self.sensor.read(wrench) if new else (self._last, self._clipped)
-        changed = (reading != self._last).any(axis=-1) | self.sensor.may_repeat
+        fresh = self._fresh(reading) if new else self._never
         self._last, self._clipped = reading, clipped
         grips = np.empty((2, *reading.shape))
         told = reading if self._matrix is None else matvec(self._matrix, reading)
@@ -310,5 +314,13 @@ class WrenchChain(Stackable):
             sensor=Wrench(reading, "sensor", "sensor"),
             grips=Wrench(grips, "grip", "grip"),
             clipped=clipped,
-            fresh=self.sensor.arrived & changed & new,
+            fresh=fresh,
         )
+
+    def _fresh(self, reading: Vector) -> Mask:
+        """Tell which readings of new samples (...) are new ones."""
+        same = reading == self._last
+        if np.count_nonzero(same) < _AXES:
+            return self.sensor.arrived
+        changed: Mask = ~same.all(axis=-1) | self.sensor.may_repeat
+        return self.sensor.arrived & changed

@@ -77,13 +77,17 @@ class Guard:
         slides: Collection[str] = (),
     ) -> None:
         self._config, self._joints = config, joints
-        self._slides = np.isin(joints, [*slides])
+        self._slides = np.isin([*joints], [*slides])
         self._following = np.where(
             self._slides, config.following_error_m, config.following_error_rad
         )
-        self._low, self._high = joint_range.T
         self._torque_limit = torque_limit * (1.0 - 1e-6)
         self._speed_limit = config.speed_fraction * speed_limit
+        # At or beyond one of these a value is outside: above a limit is at the next larger number.
+        low, high = joint_range.T
+        over = np.nextafter((self._following, self._speed_limit), np.inf)
+        bounds = np.array([(*-over, -self._torque_limit, low), (*over, self._torque_limit, high)])
+        self._low, self._high = bounds.reshape(2, 4, *[1] * len(shape), len(joints))
         self._cycles_at_limit = np.zeros((*shape, len(joints)), dtype=np.int_)
         self._sides: tuple[Side, ...] = tuple(
             side for joint in joints for side in SIDES if joint.startswith(side)
@@ -102,17 +106,18 @@ class Guard:
         Mask
             (4, ..., n): by following error, speed, cycles in a row at the torque limit, range.
         """
-        at_limit = np.abs(torque) >= self._torque_limit
-        if np.count_nonzero(at_limit):
-            self._cycles_at_limit += 1
-            self._cycles_at_limit *= at_limit
-        else:
+        values = np.empty((4, *q.shape))
+        np.subtract(q, reference, out=values[0])
+        values[1], values[2], values[3] = speed, torque, q
+        outside: Mask = values <= self._low
+        outside |= values >= self._high
+        if not np.count_nonzero(outside):
             self._cycles_at_limit.fill(0)
-        outside = np.empty((4, *q.shape), dtype=np.bool_)
-        np.greater(np.abs(q - reference), self._following, out=outside[0])
-        np.greater(np.abs(speed), self._speed_limit, out=outside[1])
-        np.greater_equal(self._cycles_at_limit, self._config.torque_cycles, out=outside[2])
-        np.logical_or(q <= self._low, q >= self._high, out=outside[3])
+            return outside
+        at_limit = outside[2]
+        self._cycles_at_limit += 1
+        self._cycles_at_limit *= at_limit
+        np.greater_equal(self._cycles_at_limit, self._config.torque_cycles, out=at_limit)
         return outside
 
     def check(self, q: Vector, speed: Vector, torque: Vector, reference: Vector) -> None:
@@ -167,6 +172,7 @@ class SensorGuard:
         self._cycles = np.zeros((2, *shape, len(sides)), dtype=np.int_)
         allowed = np.array([config.sensor_cycles, config.lost_cycles + reading_cycles - 1])
         self._allowed = allowed.reshape(2, *[1] * (len(shape) + 1))
+        self._none = np.zeros_like(self._cycles, dtype=np.bool_)
         self._watched = np.ones(len(sides), dtype=np.bool_)
 
     def release(self, sides: Collection[Side]) -> None:
@@ -184,6 +190,9 @@ class SensorGuard:
         Mask
             (2, ..., arms): by cycles in a row at the range's end, without a new reading.
         """
+        if not np.count_nonzero(clipped) and np.count_nonzero(fresh) == fresh.size:
+            self._cycles.fill(0)
+            return self._none
         self._cycles += 1
         self._cycles[0] *= clipped.any(axis=-1)
         self._cycles[1] *= ~fresh

@@ -127,12 +127,14 @@ class JointServo:
 
         ``friction_ratio``: r, estimated over believed Coulomb friction.
         """
-        return np.asarray(
-            position
-            + self._speed_gain * speed
-            + self._acceleration_gain * acceleration
-            + friction_ratio * self._friction * np.tanh(speed / _COULOMB_SPEED_RAD_PER_S)
-        )
+        setpoint: Vector = self._speed_gain * speed
+        setpoint += position
+        setpoint += self._acceleration_gain * acceleration
+        sign = speed / _COULOMB_SPEED_RAD_PER_S
+        np.tanh(sign, out=sign)
+        sign *= friction_ratio * self._friction
+        setpoint += sign
+        return setpoint
 
 
 class FrictionEstimate:
@@ -213,6 +215,7 @@ class IntegralAction:
         self.gain = 0.0 if config is None else config.rate_per_s * period_s
         self.most_n_m = fraction * torque_limit
         self._limit = self.most_n_m / stiffness
+        self._lowest = -self._limit
         self._offset = np.zeros((*shape, len(stiffness)))
 
     def reset(self) -> None:
@@ -223,5 +226,6 @@ class IntegralAction:
         """Return the offset (..., n) [rad] of the next cycle from this one's error q_r − q."""
         if self.gain:
             self._offset += self.gain * error
-            np.clip(self._offset, -self._limit, self._limit, out=self._offset)
+            np.minimum(self._offset, self._limit, out=self._offset)
+            np.maximum(self._offset, self._lowest, out=self._offset)
         return self._offset

@@ -9,7 +9,7 @@ import numpy as np
 
 from dualbend.control.force_torque import WrenchChain, WrenchReading
 from dualbend.control.worlds import Stackable
-from dualbend.types import Vector, Wrench
+from dualbend.types import SIDES, Vector, Wrench
 
 
 def arm_slice(arms: Sequence[int]) -> slice:
@@ -34,7 +34,8 @@ class WristSensors(Stackable):
         """
         arms = self._part
         reading = self.chain.update(wrench[..., arms, :], rotation[..., arms, :, :], new=new)
-        both = np.empty((2, *wrench.shape))
-        both.fill(np.nan)
+        if len(self.arms) == len(SIDES):
+            return reading
+        both = np.full((2, *wrench.shape), np.nan)
         both[..., arms, :] = reading.grips.components
         return msgspec.structs.replace(reading, grips=Wrench(both, "grip", "grip"))

@@ -153,14 +153,8 @@ class CommandLink(Stackable):
 
     @property
     def age(self) -> NDArray[np.int_]:
-        """How many cycles ago the newest command that each arm has was due (..., arms)."""
+        """How many cycles ago the newest command that each arm has was due (..., arms); 0: now."""
         return self._cycle - self._newest
-
-    @property
-    def ages(self) -> list[int]:
-        """The same of a single robot cell's arms; 0: it is this cycle's."""
-        found: list[int] = self.age.tolist()
-        return found
 
     def _draw(self) -> None:
         """Draw when the next commands arrive and which are lost or doubled."""

@@ -181,8 +181,10 @@ class ErringSensor(Sensor):
         if not at:
             self._draw_distortions()
             self._draw_repeats()
-        told = matvec(self._matrix, wrench) + self._drifts[at]
-        told += self._spiked[at]
+        told = matvec(self._matrix, wrench)
+        told += self._drifts[at]
+        if self._spiked is not None:
+            told += self._spiked[at]
         reading, clipped = super().read(told)
         if self._repeats[at] and self._last is not None:
             for value, last in zip((reading, clipped), self._last, strict=True):
@@ -203,7 +205,7 @@ class ErringSensor(Sensor):
         begins = chance < self._spike_probability
         hit = begins[..., np.newaxis] & ((6.0 * axis).astype(int)[..., np.newaxis] == np.arange(6))
         signed = np.where(sign[..., np.newaxis] < 0.5, self._spike, -self._spike)
-        self._spiked = np.where(hit, signed, 0.0)
+        self._spiked = np.where(hit, signed, 0.0) if hit.any() else None
 
     def _draw_repeats(self) -> None:
         """Draw which records do not come, and find which readings are the last one again.

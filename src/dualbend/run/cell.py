@@ -20,6 +20,7 @@ from dualbend.control.guard import Guard, SensorGuard
 from dualbend.control.response import ArmResponses, CommandResponse
 from dualbend.control.servo import FrictionEstimate, IntegralAction, JointServo
 from dualbend.control.wrist import WristSensors
+from dualbend.errors import InputError
 from dualbend.imperfection.draws import noise_streams
 from dualbend.imperfection.link import CommandLink
 from dualbend.imperfection.robot import RobotErrors, Stribeck, TrueArms
@@ -101,6 +102,8 @@ class RobotCell:
             period_s=scenario.period_s,
             time_s=scenario.guard.stop_time_s,
         )
+        self.reference = self.home
+        """Joint angles (n,) that the servos are sent to at the start of a cycle [rad]."""
         self.calibrations = self._calibrated()
         """By side; empty where none is asked for."""
 
@@ -133,6 +136,18 @@ class RobotCell:
         """The model with its looks, for pictures; the same joints as the simulated one."""
         return self.spec.compile()
 
+    def scene_xml(self, key: str) -> str:
+        """Return the MJCF, the present state as a key frame; InputError where it is a shell."""
+        if self.scenario.sheet.model.kind == "shell":
+            raise InputError(
+                'sheet.model = "shell": its elasticity is written after compilation, no MJCF file '
+                'can hold it; export "strips"'
+            )
+        spec, data = self.spec.copy(), self.simulation.data
+        spec.add_key(name=key, qpos=data.qpos.copy(), ctrl=data.ctrl.copy())
+        spec.compile()
+        return str(spec.to_xml())
+
     def reach(self, pose: Vector, guess: Vector, place: Vector | None = None) -> Vector:
         """Return the joint angles (n,) for both grips at (x, z, α); InputError where none are."""
         both = np.array([pose, pose])
@@ -158,11 +173,7 @@ class RobotCell:
         self.friction.reset()
         if self.friction_law is not None:
             self.friction_law.rest()
-
-    @property
-    def reference(self) -> Vector:
-        """Joint angles (n,) that the servos are sent to at the start of a cycle [rad]."""
-        return self.brakes.position(self.response.position)
+        self.reference = self.response.position
 
     def _calibrated(self) -> dict[Side, Calibration]:
         """Return what the calibration of each wrist sensor found; empty where none is asked for."""
@@ -215,11 +226,14 @@ class RobotCell:
         offset = self.integral.update(error)
         if free:
             self.friction.update(error + offset, self.response.speed)
-        now = self.brakes.update(self.response.update(q))
-        return self.simulation.advance(
-            self.servo.setpoint(now.position, now.velocity, now.acceleration, self.friction.ratio)
-            + offset
+        commanded = self.response.update(q)
+        now = self.brakes.update(commanded)
+        self.reference = self.brakes.position(commanded.position[-1])
+        setpoints = self.servo.setpoint(
+            now.position, now.velocity, now.acceleration, self.friction.ratio
         )
+        setpoints += offset
+        return self.simulation.advance(setpoints)
 
 
 def make_servo(scenario: Scenario, robots: mujoco.MjModel, home: Vector) -> JointServo:

@@ -13,6 +13,7 @@ import numpy as np
 from dualbend.control.compliance.own import OwnComplianceConfig
 from dualbend.control.controller import (
     AT_REST,
+    IN_PLANE,
     Command,
     ControlledPath,
     Controller,
@@ -22,7 +23,7 @@ from dualbend.control.controller import Observation as Observed
 from dualbend.control.force_torque import WrenchReading
 from dualbend.control.guard import ProtectiveStop
 from dualbend.control.wrist import WristSensors
-from dualbend.errors import InputError, shortened
+from dualbend.errors import shortened
 from dualbend.run import cell as parts
 from dualbend.run.cell import RobotCell
 from dualbend.run.identity import RunIdentity
@@ -59,6 +60,7 @@ class Run:
     learned : what was learned before and corrects the path, in words; "" where nothing does
     steered : a deviation has come from outside, in the controller's place; ``outside`` names it
     records_all_axes : deviations may have all six axes, whatever the scenario's controller has
+    watched : somebody outside reads what the controller observes
     reading, read_axes
         Of the sensors in this cycle; their axes (2, 3, 3) in the world when it was sampled.
     """
@@ -70,6 +72,7 @@ class Run:
     checked_poses: Vector
     learned: str = ""
     steered = records_all_axes = False
+    watched = True
     outside = "dualbend.Cell.step"
     reading: WrenchReading
     read_axes: Vector
@@ -105,6 +108,7 @@ class Run:
 
     def step(self) -> bool:
         """Run one command cycle as :meth:`cycle` does, by the run's own controller."""
+        self.watched = False
         return to_the_end(self.cycle())
 
     def begin(self, on_cycle: Callable[[int], None] | None = None) -> None:
@@ -148,10 +152,16 @@ class Run:
     def run(self, on_cycle: Callable[[int], None] | None = None) -> RunRecord:
         """Simulate the motion to its end, whatever ends it."""
         with warnings_counted_only():
-            return to_the_end(self.walk(on_cycle))
+            return to_the_end(self.walk(on_cycle, watched=False))
 
-    def walk(self, on_cycle: Callable[[int], None] | None = None) -> Asking[RunRecord]:
-        """Do what :meth:`run` does, and wait in each cycle before the controller is asked."""
+    def walk(
+        self, on_cycle: Callable[[int], None] | None = None, *, watched: bool = True
+    ) -> Asking[RunRecord]:
+        """Do what :meth:`run` does, and wait in each cycle before the controller is asked.
+
+        ``watched``: who waits reads what the controller observes.
+        """
+        self.watched = watched
         simulation = self.cell.simulation
         outcome: Outcome = "completed"
         reason, ended_by = "", 0
@@ -165,7 +175,7 @@ class Run:
             except ProtectiveStop as stop:
                 outcome, reason = "protective_stop", (yield from self._run_on(stop))
             else:
-                refuse_warnings(simulation.data)
+                refuse_warnings(simulation.warned)
         except TaskStopped as stop:
             outcome, reason = "aborted", str(stop)
         except (SimulationFailed, ControllerFailed) as failure:
@@ -247,6 +257,12 @@ class Run:
         return "" if self.compliance is make_compliance else self._named
 
     @property
+    def _own(self) -> bool:
+        """The controller is none of the package's; those read nothing out of the bending plane."""
+        own = isinstance(self.scenario.compliance, OwnComplianceConfig)
+        return own or self.compliance is not make_compliance
+
+    @property
     def _named(self) -> str:
         """Return what the controller is called: as the scenario does, where a class is named."""
         config = self.scenario.compliance
@@ -264,7 +280,7 @@ class Run:
         self._began, self._nominal = time.perf_counter(), nominal
         simulation, trace = self.cell.simulation, self.trace
         seen = simulation.observe()
-        refuse_warnings(simulation.data)
+        refuse_warnings(simulation.warned)
         trace.observe(
             trace.rows * self.scenario.period_s,
             len(task_of(self.scenario).phases) if self.stopped else phase,
@@ -326,7 +342,7 @@ class Run:
             joints_rad=seen.q,
             measured=PlanarPose(self.cell.measured.grips(seen).take(PLANAR, axis=1)),
             nominal=nominal,
-            aside=self.cell.measured.aside(seen),
+            aside=self.cell.measured.aside(seen) if self.watched or self._own else IN_PLANE,
             place=place,
         )
         asked = time.perf_counter()
@@ -356,29 +372,15 @@ class Run:
         link = self.link
         self.sample = self.cell.send(link.deliver(self._q) if link else self._q, free=free)
         wall_s = time.perf_counter() - self._began
-        ages = link.ages if link else ()
+        ages = link.age if link else ()
         self.trace.record_control(observation, command, solution, wall_s, ages)
         if self._on_cycle is not None:
             self._on_cycle(self.trace.rows)
 
     def scene_xml(self) -> str:
-        """Return the composed MJCF, with the start of the run as key frame ``start``.
-
-        Raises
-        ------
-        InputError
-            The sheet is a shell, whose elasticity no MJCF can hold.
-        """
-        if self.scenario.sheet.model.kind == "shell":
-            raise InputError(
-                'sheet.model = "shell": its elasticity is written after compilation, no MJCF file '
-                'can hold it; export "strips"'
-            )
+        """Return the composed MJCF, the run's start as key frame ``start``; InputError: a shell."""
         self.start()
-        spec, data = self.cell.spec.copy(), self.cell.simulation.data
-        spec.add_key(name="start", qpos=data.qpos.copy(), ctrl=data.ctrl.copy())
-        spec.compile()
-        return str(spec.to_xml())
+        return self.cell.scene_xml("start")
 
 
 def to_the_end(asking: Asking[T]) -> T:

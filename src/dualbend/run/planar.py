@@ -59,6 +59,8 @@ class PlanarRun(Run):
         self.scenario = scenario = with_placements(scenario)
         z_m = scenario.cell.sheet_height_m + motion.rise_m
         self.nominal_poses = np.column_stack((-motion.half_distance_m, z_m, motion.alpha_rad))
+        self._both = np.repeat(self.nominal_poses[:, np.newaxis], len(SIDES), axis=1)
+        self._drawn = np.column_stack((motion.alpha_rad, motion.half_distance_m, z_m))
         try:
             cell = RobotCell(scenario, self.nominal_poses[0])
         except InputError as error:
@@ -80,16 +82,16 @@ class PlanarRun(Run):
         n = self.trace.rows
         if n == self.motion.cycles:
             return False
-        x, z, alpha = self.nominal_poses[n].tolist()
+        phase, nominal = int(self.motion.phase[n]), self._both[n].copy()
         self.on_cycle(n)
-        seen = self.observe(int(self.motion.phase[n]), np.array([alpha, -x, z]))
+        seen = self.observe(phase, self._drawn[n])
         if not self.free:
-            refuse_snapped(float(seen.sag), alpha)
+            refuse_snapped(float(seen.sag), float(nominal[0, 2]))
         self.on_observed()
         reading = self.read(seen)
-        nominal = PlanarPose(np.array([[x, z, alpha]] * len(SIDES)))
-        phase = self.phases[self.motion.phase[n]]
-        observed, command = yield from self.control(seen, phase, nominal, reading)
+        observed, command = yield from self.control(
+            seen, self.phases[phase], PlanarPose(nominal), reading
+        )
         self.send(self._setpoint(n, command), observed, command, free=self.free)
         return True
 

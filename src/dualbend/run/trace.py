@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dualbend.control.controller import Command
 from dualbend.control.controller import Observation as Observed
 from dualbend.control.force_torque import WrenchReading
+from dualbend.control.wrist import arm_slice
 from dualbend.errors import InputError
 from dualbend.scene.ik import IKSolution
 from dualbend.scene.observation import Observation
@@ -27,6 +28,7 @@ _POSE = (("x", "m"), ("y", "m"), ("z", "m"), ("alpha", "rad"))
 _COMMAND = (("x", "m"), ("z", "m"), ("alpha", "rad"))
 _DEVIATION, _REST = _POSE[::3], (*_POSE[1:3], ("roll", "rad"), ("yaw", "rad"))
 _WRENCH = tuple((f"force_{a}", "N") for a in "xyz") + tuple((f"moment_{a}", "N m") for a in "xyz")
+_READING = len(_WRENCH) + 4
 
 
 def _joint_columns(joints: Mapping[str, bool], kind: str, *units: str) -> list[tuple[str, str]]:
@@ -229,13 +231,14 @@ class TraceRecorder(Trace):
     ) -> None:
         groups = trace_columns(sensing, hinges, joints, task, **also)
         self.columns = [column for group in groups.values() for column in group]
-        self._sensing, self._in_space = sensing, also.get("in_space", False)
+        self._arms, self._in_space = arm_slice(sensing), also.get("in_space", False)
         ends = np.cumsum([len(group) for group in groups.values()]).tolist()
         starts = (0, *ends[:-1])
         self._slices = {name: slice(*at) for name, *at in zip(groups, starts, ends, strict=True)}
         room = np.full((*shape, cycles, len(self.columns)), np.nan)
         self._positions = np.empty((*shape, cycles, qpos_size))
         super().__init__(self.columns, room, self._positions)
+        self._readings = slice(self._slices["ik"].stop, self._slices["saturated"].start)
         self.rows = 0
 
     def of_world(self, world: int, rows: int) -> TraceRecorder:
@@ -277,8 +280,9 @@ class TraceRecorder(Trace):
         row[..., at["q"]] = seen.q
         row[..., at["torque"]] = seen.torque
         self._positions[..., self.rows - 1, :] = qpos
-        if self.rows > 1:
-            row[..., at["task"]] = self._table[..., self.rows - 2, at["task"]]
+        task = at["task"]
+        if self.rows > 1 and task.start < task.stop:
+            row[..., task] = self._table[..., self.rows - 2, task]
 
     def record_slip(self, slip: Vector) -> None:
         """Add how far the sheet has slid in each grip (2,) [m] to the row."""
@@ -290,10 +294,12 @@ class TraceRecorder(Trace):
 
     def record_reading(self, reading: WrenchReading) -> None:
         """Add what the sensors read to the row: also where that ends the run."""
-        row, components = self._row(), reading.sensor.components
-        for k, i in enumerate(self._sensing):
-            first = self._slices[f"reading{i}"].start
-            row[..., first : first + 6] = components[..., k, :]
+        self._readings_row()[..., :6] = reading.sensor.components
+
+    def _readings_row(self) -> Vector:
+        """Return what the last row has of the sensors (..., arms with a sensor, 10)."""
+        row = self._row()[..., self._readings]
+        return row.reshape(*row.shape[:-1], row.shape[-1] // _READING, _READING)
 
     def record_control(
         self,
@@ -301,16 +307,15 @@ class TraceRecorder(Trace):
         command: Command,
         ik: IKSolution,
         wall_s: float,
-        ages: Sequence[int] | NDArray[np.int_] = (),
+        ages: NDArray[np.int_] | tuple[()] = (),
     ) -> None:
         """Complete the row with what the controller made of it, and what the link made of that."""
         row, at = self._row(), self._slices
         worlds = row.shape[:-1]
-        for i in self._sensing:
-            # Force x and moment y in the bending frame.
-            first = at[f"reading{i}"].start + 6
-            row[..., first : first + 2] = observation.raw.components[..., i, ::4]
-            row[..., first + 2 : first + 4] = observation.filtered.components[..., i, ::4]
+        readings, arms = self._readings_row(), self._arms
+        # Force x and moment y in the bending frame.
+        readings[..., 6:8] = observation.raw.components[..., arms, ::4]
+        readings[..., 8:] = observation.filtered.components[..., arms, ::4]
         row[..., at["deviation"]] = command.deviation[..., ::4].reshape(*worlds, -1)
         if self._in_space:
             rest = command.deviation[..., [1, 2, 3, 5]]
@@ -321,15 +326,15 @@ class TraceRecorder(Trace):
         row[..., first] = ik.position_residual_m
         row[..., first + 1] = ik.rotation_residual_rad
         row[..., first + 2] = ik.iterations
-        row[..., at["saturated"].start] = _any(observation.clipped, worlds) | _any(
-            command.saturated, worlds
-        )
-        row[..., at["link"]] = ages
+        clipped, saturated = observation.clipped, command.saturated
+        row[..., at["saturated"].start] = _any(clipped, worlds) | _any(saturated, worlds)
+        if len(ages):
+            row[..., at["link"]] = ages
         row[..., at["wall"].start] = wall_s
 
 
-def _any(met: Mask, worlds: tuple[int, ...]) -> Mask:
+def _any(met: Mask, worlds: tuple[int, ...]) -> Mask | bool:
     """Tell of each world whether any bound was met; one mask may stand for all of them."""
-    if met.ndim < len(worlds) or met.shape[: len(worlds)] != worlds:
-        return np.asarray(met.any())
+    if not worlds or met.shape[: len(worlds)] != worlds:
+        return bool(np.count_nonzero(met))
     return np.asarray(met.reshape(*worlds, -1).any(axis=-1))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import mink
+import msgspec
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,7 @@ _MAX_ITERATIONS = 20
 _MAX_HOME_ITERATIONS = 200
 
 
-@dataclass(frozen=True, kw_only=True)
-class IKSolution:
+class IKSolution(msgspec.Struct, frozen=True, kw_only=True):
     """Joint angles (..., n) of both arms and how well they reach their targets (...)."""
 
     q: Vector

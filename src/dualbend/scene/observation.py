@@ -9,26 +9,35 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from dualbend.arm import mjcf as arm
 from dualbend.scene.cell import PAD_SITE, GraspConfig
 from dualbend.scene.sheet.model import SheetModel
 from dualbend.scene.sheet.strips import LEFT_END, RIGHT_END
-from dualbend.types import SIDES, Reals, Vector, matvec
+from dualbend.types import SIDES, Reals, Vector, indices, matvec
 
 Source = Any
 """An MjData, or what has its fields with a leading axis of cells."""
 
 # A turn by π about z takes the left arm's bending frame to the right arm's: x and y change sign.
 BENDING_TO_WORLD = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])
+_INWARD = BENDING_TO_WORLD[:, 0]
+
+# The same for all that one cell has of both ends: no product in the loop broadcasts.
+_OF_PAIRS = np.stack((BENDING_TO_WORLD, BENDING_TO_WORLD))
+_OF_HALVES = _OF_PAIRS.swapaxes(0, 1).copy()
+_OF_SLOPES = np.stack((np.full((2, 2), -1.0), _OF_PAIRS[..., 0]))
+_OF_TURNS = np.stack([np.stack((np.ones((2, 2)), _OF_PAIRS[..., 1]), axis=-1)] * 2)
 
 PLANAR = np.array([0, 2, 3])
 """Which of x, y, z, α of a grip make its planar pose."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, slots=True)
 class Observation:
     """A cell, or each of many, at the start of a command cycle; arms are left and right.
 
@@ -51,8 +60,7 @@ class Observation:
     sag: Reals
 
 
-@dataclass(frozen=True, kw_only=True)
-class SensorSample:
+class SensorSample(msgspec.Struct, frozen=True, kw_only=True):
     """True wrench on the arms at the wrist sensors, in their frames, delayed by the latency.
 
     ``wrench`` (..., 2, 6) [N, N m]; ``rotation`` (..., 2, 3, 3) takes sensor axes to the world.
@@ -82,66 +90,83 @@ class Observer:
         model: mujoco.MjModel,
         grasp: GraspConfig,
         sheet: SheetModel,
-        joints: Vector,
-        dofs: Vector,
+        joints: NDArray[np.int_],
+        dofs: NDArray[np.int_],
     ) -> None:
-        self.sheet, self._q, self._dofs = sheet, joints, dofs
-        self.grips = np.array([model.site(f"{side}_{arm.GRIP_SITE}").id for side in SIDES])
+        self.sheet = sheet
+        self._q, self._dofs = indices(joints), indices(dofs)
+        self.grips = indices([model.site(f"{side}_{arm.GRIP_SITE}").id for side in SIDES])
         edges = [model.site(name).id for name in (LEFT_END, RIGHT_END)]
-        self._ends = np.array([self.grips, edges])
-        self._sensors = np.array([model.site(f"{side}_{arm.FT_SITE}").id for side in SIDES])
+        self._ends = indices(np.stack((self.grips, edges)))
+        # Of which two elements of their axes, as nine numbers, the angles of grips and edges are.
+        first = 9 * self._ends
+        self._slopes = indices([first + 6, first])
+        self._turns = indices(np.add.outer(first, [[7, 3], [8, 0]]).transpose(2, 0, 1, 3))
+        self._sensors = indices([model.site(f"{side}_{arm.FT_SITE}").id for side in SIDES])
         sensors = [model.sensor(f"{side}_{name}") for side in SIDES for name in arm.FT_SENSORS]
-        self._readings = np.add.outer([s.adr[0] for s in sensors], np.arange(3)).reshape(2, 6)
+        readings = np.add.outer([s.adr[0] for s in sensors], np.arange(3)).reshape(2, 6)
+        self._readings = indices(readings)
         pads = [model.joint(f"{side}_{PAD_SITE}_slide_x") for side in SIDES]
-        self._pad_q = np.array([pad.qposadr[0] + np.arange(6) for pad in pads])
-        self._pad_dof = np.array([pad.dofadr[0] + np.arange(6) for pad in pads])
-        self.pad_stiffness: Vector = np.repeat(
-            [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad], 3
-        )
+        self._pad_q = indices([pad.qposadr[0] + np.arange(6) for pad in pads])
+        self._pad_dof = indices([pad.dofadr[0] + np.arange(6) for pad in pads])
+        stiffness = [grasp.translational_stiffness_n_per_m, grasp.rotational_stiffness_n_m_per_rad]
+        self.pad_stiffness: Vector = np.tile(np.repeat(stiffness, 3), (2, 1))
         self.pad_damping: Vector = grasp.loss_time_s * self.pad_stiffness
 
     def joint_angles(self, data: Source) -> Vector:
         """Return the arms' joint angles (..., n) [rad]."""
-        return np.asarray(data.qpos[..., self._q])
+        return np.asarray(data.qpos.take(self._q, axis=-1))
 
     def pad_loads(self, data: Source) -> Vector:
         """Return force [N] and moment [N m] (..., 2, 6) in both grips, in the gripper's frame."""
         return np.asarray(
-            self.pad_stiffness * data.qpos[..., self._pad_q]
-            + self.pad_damping * data.qvel[..., self._pad_dof]
+            self.pad_stiffness * data.qpos.take(self._pad_q, axis=-1)
+            + self.pad_damping * data.qvel.take(self._pad_dof, axis=-1)
         )
 
     def observation(self, data: Source, load: Vector) -> Observation:
         """Return what is observed where the grips bear a load (..., 2, 6)."""
-        axes = self.grip_axes(data)
         halves = load.reshape(*load.shape[:-1], 2, 3)
-        wrench = (halves @ np.swapaxes(axes, -1, -2)) * BENDING_TO_WORLD[:, np.newaxis]
-        ends = grip_poses(data.site_xpos[..., self._ends, :], data.site_xmat[..., self._ends, :])
+        wrench = halves @ self.grip_axes(data).mT
+        wrench *= _OF_HALVES
+        ends = self._end_poses(data)
         edge = ends[..., 1, :, :]
+        height = 0.5 * (edge[..., 0, 2] + edge[..., 1, 2])
         return Observation(
-            q=data.qpos[..., self._q],
-            speed=data.qvel[..., self._dofs],
-            torque=data.qfrc_actuator[..., self._dofs],
+            q=data.qpos.take(self._q, axis=-1),
+            speed=data.qvel.take(self._dofs, axis=-1),
+            torque=data.qfrc_actuator.take(self._dofs, axis=-1),
             grip=ends[..., 0, :, :],
             edge=edge,
             wrench=wrench.reshape(load.shape),
-            sag=edge[..., 2].mean(axis=-1) - self.sheet.middle_height(data),
+            sag=height - self.sheet.middle_height(data),
         )
+
+    def _end_poses(self, data: Source) -> Vector:
+        """Return x, y, z [m] and α [rad] (..., 2, 2, 4) of grips and edges, as grip_poses has."""
+        places = data.site_xpos.take(self._ends, axis=-2)
+        places *= _OF_PAIRS
+        of = _elements(data.site_xmat, self._slopes)
+        of *= _OF_SLOPES
+        pose = np.empty((*places.shape[:-1], 4))
+        pose[..., :3] = places
+        pose[..., 3] = np.arctan2(of[..., 0, :, :], of[..., 1, :, :])
+        return pose
 
     def grip_axes(self, data: Source) -> Vector:
         """Return the axes of both grips in the world (..., 2, 3, 3)."""
-        axes = data.site_xmat[..., self.grips, :]
+        axes = data.site_xmat.take(self.grips, axis=-2)
         return np.asarray(axes.reshape(*axes.shape[:-1], 3, 3))
 
     def sensor_axes(self, data: Source) -> Vector:
         """Return the axes of both wrist sensors in the world (..., 2, 3, 3)."""
-        axes = data.site_xmat[..., self._sensors, :]
+        axes = data.site_xmat.take(self._sensors, axis=-2)
         return np.asarray(axes.reshape(*axes.shape[:-1], 3, 3))
 
     def sample(self, data: Source) -> tuple[Vector, Vector]:
         """Return the true wrenches (..., 2, 6) on both arms at their sensors, and their axes."""
         # MuJoCo tells what the arm exerts on the tool: the wrench on the arm is its opposite.
-        return -data.sensordata[..., self._readings], self.sensor_axes(data)
+        return -data.sensordata.take(self._readings, axis=-1), self.sensor_axes(data)
 
     def roll_and_yaw(self, data: Source) -> Vector:
         """Return (..., 2, 2, 2): gripper and edge, left and right, roll and yaw [rad].
@@ -149,10 +174,9 @@ class Observer:
         With a pitch they make the axes in the arm's bending frame, R_z(yaw) R_y(pitch) R_x(roll);
         the observed end slope α has tan α cos(yaw) = tan(pitch).
         """
-        axes = data.site_xmat[..., self._ends, :]
-        along, up = BENDING_TO_WORLD[:, 0], BENDING_TO_WORLD[:, 1]
-        roll = np.arctan2(axes[..., 7], axes[..., 8])
-        return np.stack((roll, np.arctan2(axes[..., 3] * up, axes[..., 0] * along)), axis=-1)
+        of = _elements(data.site_xmat, self._turns)
+        of *= _OF_TURNS
+        return np.asarray(np.arctan2(of[..., 0, :, :, :], of[..., 1, :, :, :]))
 
     def grasps(self, data: Source) -> Vector:
         """Return how each sheet edge lies to its gripper's frame G, (2, 6).
@@ -169,6 +193,11 @@ class Observer:
         return np.column_stack((place, roll, pitch, yaw))
 
 
+def _elements(axes: Vector, at: NDArray[np.intp]) -> Vector:
+    """Return elements of the axes (..., sites, 9) of all sites, counted from the first one's."""
+    return axes.reshape(*axes.shape[:-2], -1).take(at, axis=-1)
+
+
 def grip_poses(places: Vector, axes: Vector) -> Vector:
     """Return x, y, z [m] and end slope α [rad] (..., 2, 4) of frames in the world.
 
@@ -177,7 +206,7 @@ def grip_poses(places: Vector, axes: Vector) -> Vector:
     """
     pose = np.empty((*places.shape[:-1], 4))
     pose[..., :3] = places * BENDING_TO_WORLD
-    pose[..., 3] = np.arctan2(-axes[..., 6], axes[..., 0] * BENDING_TO_WORLD[:, 0])
+    pose[..., 3] = np.arctan2(-axes[..., 6], axes[..., 0] * _INWARD)
     return pose
 
 

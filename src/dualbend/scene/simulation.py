@@ -17,7 +17,14 @@ from dualbend.scene.samples import SampleLine
 from dualbend.scene.sheet.model import SheetModel, StripModel
 from dualbend.scene.sheet.strips import StripConfig
 from dualbend.scene.slip import SlidingGrips
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Vector, indices
+
+Step = Callable[[mujoco.MjModel, mujoco.MjData], None]
+
+
+def _undivided() -> int:
+    return 1
+
 
 _AWAY_M = 10.0
 
@@ -60,8 +67,9 @@ class Simulation:
         self.joints = arm_joints(model)
         """Names of the arms' joints, in the order of every vector over them."""
         joints = [model.joint(name) for name in self.joints]
-        self._q = np.array([joint.qposadr[0] for joint in joints])
+        self._q = indices([joint.qposadr[0] for joint in joints])
         self.dofs = np.array([joint.dofadr[0] for joint in joints])
+        self._dofs = indices(self.dofs)
         self.joint_range = np.array([joint.range for joint in joints])
         self.torque_limit = model.jnt_actfrcrange[[joint.id for joint in joints], 1].copy()
         self.actuator_stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
@@ -74,13 +82,15 @@ class Simulation:
             None if grasp.friction is None else SlidingGrips(model, self.data, grasp, width_m)
         )
         self._displaced = np.zeros((2, 6))
-        self._drives = slice(0, len(self._q))
+        self._ctrl = self.data.ctrl[: len(self._q)]
         jaws = [model.joint(f"{side}_{jaw}") for side in SIDES for jaw in JAW_JOINTS]
         self._jaw_q = [jaw.qposadr[0] for jaw in jaws]
         self.contacts = UnintendedContacts(model, self.data)
+        self.warned = self.data.warning.number
+        """How often MuJoCo has counted each of its warnings."""
         self.on_step: list[Callable[[], None]] = []
         """Called after every physics step, where once per cycle would miss a peak."""
-        self.parts: Callable[[], int] = lambda: 1
+        self.parts: Callable[[], int] = _undivided
         """Asked before every physics step into how many, a power of two, it is to be divided."""
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
         """Torques (n,) [N m] that the drives add, of joint angles and speeds (n,); None: the
@@ -96,7 +106,7 @@ class Simulation:
             if moved:
                 self.displace_grasps(np.zeros((2, 6)))
         self.data.qpos[:] = positions
-        self.data.ctrl[self._drives] = positions[self._q]
+        self._ctrl[:] = positions[self._q]
         mujoco.mj_forward(self.model, self.data)
         self.contacts.reset()
         return self.samples.reset(self.observer.sample(self.data))
@@ -135,7 +145,7 @@ class Simulation:
     @property
     def q(self) -> Vector:
         """Joint angles (n,) [rad]."""
-        return np.asarray(self.data.qpos[self._q])
+        return self.observer.joint_angles(self.data)
 
     @property
     def bending_angles(self) -> Vector:
@@ -188,29 +198,47 @@ class Simulation:
         if self.sliding is not None and self.sliding.look():
             self.displace_grasps(self._displaced)
         if self.fed_forward is None:
-            feed_forward = data.qfrc_bias[self.dofs] - data.qfrc_gravcomp[self.dofs]
+            feed_forward = data.qfrc_bias.take(self._dofs) - data.qfrc_gravcomp.take(self._dofs)
         else:
-            feed_forward = self.fed_forward(data.qpos[self._q], data.qvel[self.dofs])
+            feed_forward = self.fed_forward(self.q, data.qvel.take(self._dofs))
         rows = setpoints + feed_forward / self.actuator_stiffness
-        whole_s = model.opt.timestep
-        for step in range(self.steps):
-            data.ctrl[self._drives] = rows[step]
-            parts = self.parts()
-            model.opt.timestep = whole_s / parts
-            for part in range(parts):
-                if step or part:
-                    mujoco.mj_step(model, data)
+        divided, after = self.parts is not _undivided, self._after_step()
+        step = mujoco.mj_step2  # what is observed is the first half of this step
+        done = 0
+        while done < self.steps:
+            until = min(done + self.samples.to_next, self.steps)
+            for row in rows[done:until]:
+                self._ctrl[:] = row
+                if divided:
+                    self._step_in_parts(step, after)
                 else:
-                    mujoco.mj_step2(model, data)
-                self._after_step()
-            if self.samples.passed(1):
+                    step(model, data)
+                    for act in after:
+                        act()
+                step = mujoco.mj_step
+            if self.samples.passed(until - done):
                 self.samples.take(self.observer.sample(data))
-        model.opt.timestep = whole_s
+            done = until
         return self.samples.told()
 
-    def _after_step(self) -> None:
-        if self.sliding is not None and self.sliding.near and self.sliding.slide():
+    def _step_in_parts(self, step: Step, after: list[Callable[[], None]]) -> None:
+        """Make one physics step, its first part by ``step``."""
+        parts, options = self.parts(), self.model.opt
+        whole_s = options.timestep
+        options.timestep = whole_s / parts
+        for _ in range(parts):
+            step(self.model, self.data)
+            step = mujoco.mj_step
+            for act in after:
+                act()
+        options.timestep = whole_s
+
+    def _after_step(self) -> list[Callable[[], None]]:
+        """Return what is to be called after each physics step."""
+        first = [] if self.sliding is None else [self._slide]
+        return [*first, self.contacts.on_step, *self.on_step]
+
+    def _slide(self) -> None:
+        sliding = self.sliding
+        if sliding is not None and sliding.near and sliding.slide():
             self.displace_grasps(self._displaced)
-        self.contacts.on_step()
-        for act in self.on_step:
-            act()

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 
 class SimulationFailed(Exception):  # noqa: N818 - an outcome of a run
@@ -27,10 +28,9 @@ def warnings_counted_only() -> Iterator[None]:
         mujoco.set_mju_user_warning(before)
 
 
-def refuse_warnings(data: mujoco.MjData) -> None:
+def refuse_warnings(counts: NDArray[np.int_]) -> None:
     """Raise SimulationFailed where any of MuJoCo's warning counters is above zero."""
-    counts = np.asarray(data.warning.number)
-    if counts.any():
+    if np.count_nonzero(counts):
         kind = int(np.argmax(counts))
         name = mujoco.mjtWarning(kind).name.removeprefix("mjWARN_")
         raise SimulationFailed(f"MuJoCo warning {name} (counted {counts[kind]})")

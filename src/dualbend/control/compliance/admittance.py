@@ -204,7 +204,7 @@ class Admittance:
         ``wrench``: filtered F_x, F_z [N] and M_y [N m] (..., 3) on the arm in its bending frame;
         the bending angle of the nominal pose (..., 3) there switches the axes on.
         """
-        return self.update(wrench[..., ::2], pose.alpha_rad)
+        return self.update(wrench[..., ::2].copy(), pose.alpha_rad)
 
     def update(self, load: Vector, alpha_rad: Reals = math.inf) -> Vector:
         """Take F_x [N] and M_y [N m] (..., 2) at a bending angle (...); return δx, δα (..., 2)."""
@@ -213,7 +213,11 @@ class Admittance:
             self._reference = np.where(acts & ~self._acted, load, self._reference)
             self._acted = acts
             load = load - self._reference
-        deviation = self._pole * self._deviation + self._gain * (load * acts)
-        self.saturated = np.abs(deviation) > self._limit
-        self._deviation = np.minimum(np.maximum(deviation, self._lowest), self._limit)
-        return self._deviation
+        if np.count_nonzero(acts) < acts.size:
+            load = load * acts
+        deviation = self._pole * self._deviation
+        deviation += self._gain * load
+        within: Vector = np.maximum(deviation, self._lowest)
+        np.minimum(within, self._limit, out=within)
+        self.saturated, self._deviation = within != deviation, within
+        return within

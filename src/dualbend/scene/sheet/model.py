@@ -30,7 +30,7 @@ from dualbend.scene.sheet.strips import (
     hinge_stiffness,
     strip_body,
 )
-from dualbend.types import Reals, Vector
+from dualbend.types import Reals, Vector, indices
 
 
 class StripModel:
@@ -44,7 +44,7 @@ class StripModel:
 
     def __init__(self, model: mujoco.MjModel, strips: StripConfig) -> None:
         bends = [model.joint(bend_joint(i)) for i in range(strips.hinges)]
-        self.bend_q = np.array([joint.qposadr[0] for joint in bends])
+        self.bend_q = indices([joint.qposadr[0] for joint in bends])
         self.bend_stiffness = np.array([hinge_stiffness(model, i) for i in range(strips.hinges)])
         self._middle = model.body(strip_body(strips.hinges // 2)).id
         self._free_q = model.joint("sheet").qposadr[0]
@@ -63,7 +63,7 @@ class StripModel:
 
     def bending_angles(self, data: mujoco.MjData) -> Vector:
         """Return the bending angles from the left end (..., N) [rad]."""
-        return np.asarray(data.qpos[..., self.bend_q])
+        return np.asarray(data.qpos.take(self.bend_q, axis=-1))
 
     def middle_height(self, data: mujoco.MjData) -> Reals:
         """Return the height of the sheet's middle (...) [m]."""
