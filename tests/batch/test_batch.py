@@ -17,6 +17,7 @@ from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS
 from dualbend.scenario.load import load_scenario
+from dualbend.scenario.scenario import variants
 from dualbend.study.runs import in_batches
 from dualbend.study.sweep.run import run_row
 from dualbend.task.bending.run import BendingRun
@@ -118,6 +119,16 @@ def test_arms_stand_elsewhere_in_every_world() -> None:
 def test_calibrated_sensors_are_a_batch_of_their_own() -> None:
     learned = ("sensor.calibration={weight_kg=0.5, attitudes=3, grips=2, readings=2}",)
     assert_as_alone([("fig8", *SHORT, *more) for more in ((), learned, (), learned)], groups=2)
+
+
+def test_cells_that_err_in_one_thing_each_are_as_alone() -> None:
+    """What `dualbend imperfections` runs: what errs decides what can be one batch."""
+    cases = variants(load_scenario("fig8", SHORT), "worst")
+    runs = [make_run(case) for case in cases.values()]
+    for i, record in run_many(runs):
+        assert isinstance(record, RunRecord)
+        assert_same(record, make_run(list(cases.values())[i]).run())
+    assert max(map(len, grouped(runs, len(runs)))) > 2
 
 
 def test_own_controllers_fail_alone() -> None:
