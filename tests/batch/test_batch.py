@@ -17,6 +17,7 @@ from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS
 from dualbend.scenario.load import load_scenario
+from dualbend.scenario.scenario import variants
 from dualbend.study.runs import in_batches
 from dualbend.study.sweep.run import run_row
 from dualbend.task.bending.run import BendingRun
@@ -129,6 +130,27 @@ def test_the_friction_that_was_told_is_each_worlds_own() -> None:
         record = records[i]
         assert isinstance(record, RunRecord)
         assert_same(record, BendingRun(scenario, friction=one).run())
+
+
+def test_cells_that_err_in_one_thing_each_are_as_alone() -> None:
+    """What `dualbend imperfections` runs: what errs decides what can be one batch."""
+    shorter = (*SHORT, "motion.settle_s=0.1", "path.end_rad=0.1")
+    cases = variants(load_scenario("fig8", shorter), "worst")
+    runs = [make_run(case) for case in cases.values()]
+    for i, record in run_many(runs):
+        assert isinstance(record, RunRecord)
+        assert_same(record, make_run(list(cases.values())[i]).run())
+    assert max(map(len, grouped(runs, len(runs)))) > 2
+
+
+def test_records_of_a_batch_compile_no_looks() -> None:
+    """A model with its looks is 2.6 MB and 12 ms of every run; only a picture asks for it."""
+    runs = [made("fig8", *NONE, seed=seed) for seed in (1, 2)]
+    records = dict(run_many(runs))
+    assert not any({"spec", "model"} & vars(run.cell).keys() for run in runs)
+    found = records[0]
+    assert isinstance(found, RunRecord)
+    assert found.model.nq == runs[0].cell.simulation.model.nq
 
 
 def test_own_controllers_fail_alone() -> None:

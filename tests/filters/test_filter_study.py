@@ -1,9 +1,12 @@
 """The filter study: what it needs, what it compares, and its table."""
 
+from collections.abc import Sequence
+
 import pytest
 
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
+from dualbend.scenario.scenario import Scenario
 from dualbend.study.onset.held import Oscillation
 from filters import filters as module
 from filters.filters import FILTERS, filters_compared, table
@@ -20,9 +23,9 @@ def test_without_a_filter_there_is_nothing_to_compare() -> None:
 def test_losses_are_of_the_first_filter_s_gain(monkeypatch: pytest.MonkeyPatch) -> None:
     """Analytic: a run that grows below b = 0.6 N s/mm; losses as the page has them."""
 
-    def oscillate(scenario: object, axis: str, *, friction: bool) -> Oscillation:
-        grows = scenario.compliance.x.b < 0.6  # type: ignore[attr-defined]
-        return Oscillation(grows=grows, growth_per_s=0.0, frequency_hz=2.0, final=0.0)
+    def oscillate(scenarios: Sequence[Scenario], axis: str, *, friction: bool) -> list[Oscillation]:
+        grow = [scenario.compliance.x.b < 0.6 for scenario in scenarios]  # type: ignore[union-attr]
+        return [Oscillation(grows=g, growth_per_s=0.0, frequency_hz=2.0, final=0.0) for g in grow]
 
     monkeypatch.setattr(module, "oscillate", oscillate)
     none, short = filters_compared(FIG9, filters=FILTERS[:2])

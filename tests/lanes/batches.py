@@ -1,8 +1,9 @@
 """Random bending runs in batches against the same runs alone: ``python tests/lanes/batches.py``.
 
-Every run has its own scenario, seed, sheet, gains, delay, speed, imperfections and arm. All columns
-of its trace but that of the clock on the wall are compared, bit for bit, with its end. Says how
-many are the same and how many were in a batch; exit code 1 where one is not the same.
+Every run has its own scenario, seed, sheet, gains, delay and speed; twenty at a time have one arm,
+all imperfections, none or one each, so that most are in batches. All columns of a trace but that of
+the clock on the wall are compared, bit for bit, and the end. Says how many are the same and how
+many were in a batch; exit code 1 where one is not the same. Parts have seeds of their own.
 """
 
 from __future__ import annotations
@@ -20,33 +21,39 @@ from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS
 from dualbend.scenario.load import load_scenario
+from dualbend.scenario.scenario import Scenario, variants
 
 SCENARIOS = ("fig6", "fig8", "fig9", "exact", "tuned", "tuned-exact")
+ERRORS = ("none", "typical", "one each")
 ARMS = ("puma560", "puma560", "ur5", "ur10")
-AT_ONCE = 16
+AT_ONCE = 20
 
 
-def drawn(rng: np.random.Generator) -> tuple[str, tuple[str, ...]]:
-    """Return a scenario and its settings."""
+def drawn(rng: np.random.Generator, errors: str, arm: str) -> Scenario:
+    """Return a scenario with a preset of imperfections, or one of them, and an arm."""
     name = str(rng.choice(SCENARIOS))
     settings = [
-        f"imperfections={rng.choice(['none', 'typical'])}",
+        f"imperfections={'none' if errors == 'one each' else errors}",
         f"sheet.thickness_m={0.0008 * rng.uniform(0.8, 1.2):.7f}",
         f"sheet.length_m={0.8 * rng.uniform(0.9, 1.1):.6f}",
         f"motion.speed_rad_per_s={rng.uniform(0.3, 0.8):.4f}",
         f"robot.alter.delay_cycles={rng.integers(0, 4)}",
-        f"robot.model={rng.choice(ARMS)}",
+        f"robot.model={arm}",
         "motion.hold_s=0.2",
     ]
     if name in ("fig8", "fig9"):
         settings.append(f"compliance.rotation.b={rng.uniform(0.1, 1.0):.5f}")
-    return name, tuple(settings)
+    scenario = load_scenario(name, settings, seed=int(rng.integers(2**31)))
+    if errors == "one each":
+        every = list(variants(scenario, "worst").values())
+        return every[rng.integers(len(every))]
+    return scenario
 
 
-def made(name: str, settings: tuple[str, ...], seed: int) -> Run | None:
+def made(scenario: Scenario) -> Run | None:
     """Return the run, None of one that is refused."""
     try:
-        return make_run(load_scenario(name, settings, seed=seed))
+        return make_run(scenario)
     except InputError:
         return None
 
@@ -74,28 +81,28 @@ def main() -> int:
     done = 0
     while done < arguments.count:
         cases = []
+        errors, arm = str(rng.choice(ERRORS)), str(rng.choice(ARMS))
         while len(cases) < min(AT_ONCE, arguments.count - done):
-            name, settings = drawn(rng)
-            seed = int(rng.integers(2**31))
-            run = made(name, settings, seed)
+            scenario = drawn(rng, errors, arm)
+            run = made(scenario)
             if run is not None:
-                cases.append((name, settings, seed, run))
-        runs = [run for *_, run in cases]
+                cases.append((scenario, run))
+        runs = [run for _, run in cases]
         together += sum(len(group) for group in grouped(runs, AT_ONCE) if len(group) > 1)
         records = dict(run_many(runs))
-        for i, (name, settings, seed, _) in enumerate(cases):
-            alone = made(name, settings, seed)
+        for i, (scenario, _) in enumerate(cases):
+            alone = made(scenario)
             assert alone is not None
             record = alone.run()
             ends[record.outcome] = ends.get(record.outcome, 0) + 1
             if same(records[i], record):
                 equal += 1
             else:
-                other.append(f"{name} --seed {seed} {' '.join(f'--set {s}' for s in settings)}")
+                other.append(scenario.to_toml())
         done += len(cases)
         print(f"{equal} of {done} the same, {together} of them in a batch; {ends}", flush=True)
     for line in other:
-        print(f"other: {line}")
+        print(f"other:\n{line}")
     return bool(other)
 
 

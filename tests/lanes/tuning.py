@@ -26,8 +26,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dualbend.scenario.load import load_scenario
-from dualbend.stability.search import Margin, simulate, with_compliance
-from dualbend.stability.tuning import Outcome, Tuning, tune
+from dualbend.scenario.scenario import Scenario
+from dualbend.study.tuning.search import Margin, simulate, with_compliance
+from dualbend.study.tuning.tuning import Outcome, Tuning, tune
 from dualbend.table import Columns, Table, quantity
 
 ARMS = ("puma560", "ur5", "ur10", "panda", "xarm7")
@@ -64,16 +65,16 @@ class Judged(NamedTuple):
     rms_ratio: float
 
 
+def fresh(found: Tuning, one: Outcome) -> list[tuple[Scenario, int]]:
+    """Return a controller's runs with the fresh seeds."""
+    return [(with_compliance(found.scenario, one.compliance), seed) for seed in FRESH_SEEDS]
+
+
 def judged(found: Tuning) -> Judged:
     """Return whether the result is nowhere worse than the others, with the fresh seeds."""
     each = {one.name: one for one in (*found.outcomes[:-1], found.chosen)}
     again = {
-        name: np.array(
-            [
-                simulate(with_compliance(found.scenario, one.compliance), seed)[0]
-                for seed in FRESH_SEEDS
-            ]
-        )
+        name: np.array([moments for moments, _ in simulate(fresh(found, one))])
         for name, one in each.items()
     }
     result, none = again[found.chosen.name], again["none"]

@@ -20,9 +20,9 @@ from dualbend.report.page import report
 from dualbend.run.known_sheet import make_compliance
 from dualbend.run.record import RunRecord
 from dualbend.scenario.load import parse_scenario
-from dualbend.stability.gains import knobs, softened, turned
-from dualbend.stability.search import Margin
-from dualbend.stability.tuning import tune
+from dualbend.study.tuning.gains import knobs, softened, turned
+from dualbend.study.tuning.search import Margin
+from dualbend.study.tuning.tuning import tune
 from support.controllers import Listener
 from support.short_bend import SHORT
 

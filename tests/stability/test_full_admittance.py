@@ -15,9 +15,9 @@ from dualbend.control.compliance.base import AxisConfig, DirectionConfig
 from dualbend.control.compliance.mass_spring_damper import MassSpringDamperConfig
 from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.gains import Knob, knobs, softened, turned
-from dualbend.stability.search import Margin, with_compliance
-from dualbend.stability.tuning import tune
+from dualbend.study.tuning.gains import Knob, knobs, softened, turned
+from dualbend.study.tuning.search import Margin, with_compliance
+from dualbend.study.tuning.tuning import tune
 from dualbend.types import SIDES
 
 QUIET = (

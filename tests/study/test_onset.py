@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -137,23 +137,26 @@ def test_at_the_bound_it_grows_no_further() -> None:
     ).grows
 
 
+def sharp(asked: Sequence[float]) -> list[bool]:
+    return [b < 1.0 for b in asked]
+
+
 @pytest.mark.parametrize("guess", [0.2, 0.9, 1.0, 1.1, 5.0])
 def test_the_onset_does_not_depend_on_the_guess(guess: float) -> None:
-    found = threshold(lambda b: b < 1.0, guess)
+    found = threshold(sharp, guess)
     # Analytic: the middle of the step in which the change is.
-    assert found.b == threshold(lambda b: b < 1.0, 1.0).b
+    assert found.b == threshold(sharp, 1.0).b
     assert found.b == pytest.approx(1.0, rel=0.51 * STEP)
     assert found.unstable < 1.0 <= found.stable <= 1.0001 * (1.0 + STEP) * found.unstable
 
 
-def erring(*powers: int) -> Callable[[float], bool]:
+def power(b: float) -> int:
+    return round(math.log(b) / math.log1p(STEP))
+
+
+def erring(*powers: int) -> Callable[[Sequence[float]], list[bool]]:
     """An onset between the powers −1 and 0 of the grid, with runs that say the opposite."""
-
-    def grows(b: float) -> bool:
-        i = round(math.log(b) / math.log1p(STEP))
-        return (i < 0) != (i in powers)
-
-    return grows
+    return lambda asked: [(i < 0) != (i in powers) for i in map(power, asked)]
 
 
 @pytest.mark.parametrize("guess", [0.5, 0.93, 1.0, 1.08, 2.0])
@@ -167,13 +170,35 @@ def test_runs_that_err_move_the_onset_by_a_step_each(guess: float) -> None:
     assert found.runs >= 13 + 2 * (AGREEING - 1)
 
 
+@pytest.mark.parametrize("guess", [0.5, 0.93, 1.0, 1.08, 2.0])
+def test_no_run_is_made_that_is_not_needed_one_by_one(guess: float) -> None:
+    """The scan as it would be one by one: up to ten that do not grow, down to ten that do."""
+    grow, made = erring(-5, -3, 2, 3, 6, 12), []
+    nearest, needed = power(guess), set()
+    for way, wanted in ((1, False), (-1, True)):
+        row, i = 0, nearest
+        while row < AGREEING:
+            needed.add(i)
+            row = row + 1 if grow([math.exp(i * math.log1p(STEP))]) == [wanted] else 0
+            i += way
+
+    def counted(asked: Sequence[float]) -> list[bool]:
+        made.append([power(b) for b in asked])
+        return grow(asked)
+
+    threshold(counted, guess)
+    assert sorted(i for asked in made for i in asked) == sorted(needed)
+    assert len(made[0]) == 2 * AGREEING - 1
+
+
 def test_of_runs_that_chance_decides_it_is_the_middle() -> None:
     random = np.random.default_rng(1)
-    # A logistic of scale 0.03 in ln b: runs disagree over some 20 %.
-    found = [
-        math.log(threshold(lambda b: random.uniform() < 1.0 / (1.0 + b ** (1.0 / 0.03)), 1.0).b)
-        for _ in range(400)
-    ]
+
+    def by_chance(asked: Sequence[float]) -> list[bool]:
+        # A logistic of scale 0.03 in ln b: runs disagree over some 20 %.
+        return [random.uniform() < 1.0 / (1.0 + b ** (1.0 / 0.03)) for b in asked]
+
+    found = [math.log(threshold(by_chance, 1.0).b) for _ in range(400)]
     # Statistical, n = 400: the estimate of one has a standard deviation of sqrt(STEP * 0.03).
     deviation = math.sqrt(STEP * 0.03)
     assert np.std(found) == pytest.approx(deviation, rel=0.15)
@@ -182,9 +207,9 @@ def test_of_runs_that_chance_decides_it_is_the_middle() -> None:
 
 def test_an_onset_that_is_nowhere_is_said() -> None:
     with pytest.raises(InputError, match=r"between b = 1 and 8: .* row that do not grow"):
-        threshold(lambda _: True, 1.0)
+        threshold(lambda asked: [True] * len(asked), 1.0)
     with pytest.raises(InputError, match=r"between b = 0\.12\d and 1: .* row that grow"):
-        threshold(lambda _: False, 1.0)
+        threshold(lambda asked: [False] * len(asked), 1.0)
 
 
 FRESH = (
@@ -239,7 +264,7 @@ def test_without_dry_friction_a_run_grows_and_swings_as_predicted(
 ) -> None:
     ray = RayLoop(FIG9, axis, 0.8, ratio)  # type: ignore[arg-type]
     mode = ray.mode(b)
-    run = oscillate(ray.held(b), axis, friction=False)  # type: ignore[arg-type]
+    (run,) = oscillate([ray.held(b)], axis, friction=False)  # type: ignore[arg-type]
     # Golden: 0.02 /s and 0.3 % when this was written; the windows allow 0.1 /s.
     assert run.growth_per_s == pytest.approx(mode.growth_per_s, abs=0.1)
     assert run.frequency_hz == pytest.approx(mode.frequency_hz, rel=0.01)
@@ -262,7 +287,7 @@ def test_with_integral_action_a_stiff_sheet_grows_and_swings_as_predicted() -> N
     )
     ray = RayLoop(stiff, "rotation", 0.2, 20000.0)
     mode = ray.mode(0.09)
-    run = oscillate(ray.held(0.09), "rotation", friction=False)
+    (run,) = oscillate([ray.held(0.09)], "rotation", friction=False)
     assert run.growth_per_s == pytest.approx(mode.growth_per_s, abs=0.1)
     assert run.frequency_hz == pytest.approx(mode.frequency_hz, rel=0.01)
 
@@ -272,9 +297,9 @@ def test_with_integral_action_the_onset_is_where_it_is_predicted(friction: bool)
     ray = RayLoop(load_scenario("fig8", ["imperfections=none"]), "rotation", 0.2, 5.0)
     onset = ray.predict().sampled
     # Golden: 1.1 % when this was written.
-    for part in (0.97, 1.03):
-        run = oscillate(ray.held(part * onset), "rotation", friction=friction)
-        assert run.grows == (part < 1.0)
+    held_at = [ray.held(part * onset) for part in (0.97, 1.03)]
+    found = oscillate(held_at, "rotation", friction=friction)
+    assert [run.grows for run in found] == [True, False]
 
 
 def test_without_friction_is_without_stiction_too() -> None:
@@ -282,7 +307,7 @@ def test_without_friction_is_without_stiction_too() -> None:
     for excess in (0.0, 0.5):
         settings = ["imperfections=none", f"imperfections.robot.stiction_excess={excess}"]
         ray = RayLoop(load_scenario("fig8", settings), "rotation", 0.2, 5.0)
-        found.append(oscillate(ray.held(0.9), "rotation", friction=False))
+        found += oscillate([ray.held(0.9)], "rotation", friction=False)
     # Exact: the same run.
     assert found[0] == found[1]
 
@@ -290,7 +315,8 @@ def test_without_friction_is_without_stiction_too() -> None:
 def test_no_unsolved_force_kicks_an_arm_near_rest() -> None:
     ray = RayLoop(FIG9, "x", 0.2, 80.0)
     # Golden: −0.26 /s when this was written, 0.35 /s with MuJoCo's own tolerance.
-    assert oscillate(ray.held(0.69), "x").growth_per_s == pytest.approx(-0.26, abs=0.1)
+    (run,) = oscillate([ray.held(0.69)], "x")
+    assert run.growth_per_s == pytest.approx(-0.26, abs=0.1)
 
 
 def test_a_held_scenario_rests_at_its_angle_without_noise() -> None:
@@ -428,7 +454,7 @@ def test_the_onset_is_within_a_tenth_of_the_prediction_at_any_command_period(
     """
     ray = RayLoop(load_scenario(STRIP9, [f"robot.command_period_s={period_s}"]), axis, 0.5, 80.0)
     onset = ray.predict().sampled
-    below, above = (oscillate(ray.held(part * onset), axis, friction=False) for part in (0.9, 1.1))
+    below, above = oscillate([ray.held(part * onset) for part in (0.9, 1.1)], axis, friction=False)
     assert below.grows
     assert not above.grows
     # Discretisation-limited: of the decay, over some periods of its own.

@@ -31,6 +31,6 @@ def written_run(
     scene = None
     if bend_stiffness is not None:
         stiffness = np.full(hinges, bend_stiffness)
-        scene = Scene(model=None, bend_stiffness=stiffness)  # type: ignore[arg-type]
+        scene = Scene(compiled=lambda: None, bend_stiffness=stiffness)  # type: ignore[arg-type]
     ended = {"outcome": "completed", "simulated_s": 0.028 * rows, "wall_time_s": 2.0, **parts}
     return RunRecord(scenario=scenario, trace=Trace(named.columns, values), scene=scene, **ended)

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from typing import Any
 
+import numpy as np
+
 from dualbend.run.record import Metric
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
@@ -58,3 +60,8 @@ def a_trial(scenario: Scenario, seed: int, index: int, compliance: bool) -> Tria
     ended = {"outcome": "completed"} if success else {"outcome": "aborted", "phase": "seat middle"}
     force = (1.0 if compliance else 4.0) * 1e3 * worst
     return trial(drawn, index, success=success, peak_pin_force_n=force, **ended)
+
+
+def each_by(one: Callable[[Scenario, int], tuple[np.ndarray, str]]) -> Callable[..., object]:
+    """Return a ``simulate`` of tuning that asks ``one`` of each scenario and its seed."""
+    return lambda cases: [one(*case) for case in cases]

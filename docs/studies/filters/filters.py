@@ -81,10 +81,11 @@ def filters_compared(
 def _onset(ray: RayLoop, axis: SingleAxis, guess: float, part: float, *, friction: bool) -> float:
     """Return the simulated onset b for one size of the disturbance."""
 
-    def grows(b: float) -> bool:
-        return oscillate(ray.held(b, part), axis, friction=friction).grows
+    def grow(asked: Sequence[float]) -> list[bool]:
+        runs = oscillate([ray.held(b, part) for b in asked], axis, friction=friction)
+        return [run.grows for run in runs]
 
-    return threshold(grows, guess, _STEP).b
+    return threshold(grow, guess, _STEP).b
 
 
 def _name(config: LowPassConfig) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Hashable, Sequence
 
 import msgspec
 
+from dualbend.imperfection.sensor import SensorErrors
 from dualbend.run.loop import Run
 from dualbend.scene.sheet.strips import StripConfig
 from dualbend.task.bending.run import BendingRun
@@ -55,6 +56,7 @@ def structure(run: BendingRun) -> Hashable:
         ),
         *(errors.link.errs, errors.robot.displaces, errors.robot.weighs_wrong),
         *(errors.robot.stiction_excess > 0.0, run.grip_errors is not None),
+        errors.sensor == SensorErrors(),
         *(scenario.compliance.sensing, scenario.compliance.complying),
     )
     arms = run.cell.simulation.joint_range, run.cell.simulation.torque_limit

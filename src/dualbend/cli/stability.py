@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from dualbend.imperfection.config import PresetName
     from dualbend.scenario.scenario import Scenario
     from dualbend.stability.prediction import Prediction, Row
-    from dualbend.stability.search import Margin
-    from dualbend.stability.tuning import Tuning
+    from dualbend.study.tuning.search import Margin
+    from dualbend.study.tuning.tuning import Tuning
 
 
 @command("dualbend stability fig9 --map fig9.png")
@@ -268,9 +268,9 @@ def tune(
     Starts from the scenario's own gains and keeps the required margins. The result is compared, by
     simulation, with no compliance and with the scenario's own. Takes about a minute.
     """
-    from dualbend.stability.search import Margin
-    from dualbend.stability.tuning import tune as search
-    from dualbend.stability.tuning import write_scenario
+    from dualbend.study.tuning.search import Margin
+    from dualbend.study.tuning.tuning import tune as search
+    from dualbend.study.tuning.tuning import write_scenario
 
     if settings and out is not None:
         raise InputError("--out writes the differences from SCENARIO: put --set into a file")
@@ -304,9 +304,9 @@ def _tune_robust(
     out: Path | None,
 ) -> None:
     """Tune over the imperfections of a preset, print every case, and what limits the gains."""
-    from dualbend.stability.limits import said
-    from dualbend.stability.robust import tune_robust
-    from dualbend.stability.tuning import write_compliance
+    from dualbend.study.tuning.limits import said
+    from dualbend.study.tuning.robust import tune_robust
+    from dualbend.study.tuning.tuning import write_compliance
     from dualbend.table import Column, Table, quantity
 
     with progress_bar(100, f"tune {loaded.name}") as bar:
@@ -344,7 +344,7 @@ def _tune_robust(
 
 def _show_tuning(found: Tuning, seeds: int) -> None:
     """Print how the controllers compare, which one is the result and what limits it."""
-    from dualbend.stability.tuning import SAID
+    from dualbend.study.tuning.tuning import SAID
     from dualbend.table import Table, quantity
 
     columns = [quantity("rms", "mN m"), quantity("peak", "mN m")]
@@ -373,8 +373,8 @@ def _gains(config: ComplianceConfig) -> Iterator[str]:
     """Yield the gains of a compliance, a line for each part."""
     from dualbend.control.compliance.mass_spring_damper import DIRECTIONS, MassSpringDamperConfig
     from dualbend.scenario.toml_text import toml
-    from dualbend.stability.gains import OF_THE_MODEL
     from dualbend.stability.map import gain_units
+    from dualbend.study.tuning.gains import OF_THE_MODEL
 
     for name, value in getattr(config, "options", {}).items():
         yield f"options.{name} = {toml(value)}"

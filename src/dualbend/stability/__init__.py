@@ -1,1 +1,1 @@
-"""Stability of the compliance, predicted before a run: loop, margins, map, tuning."""
+"""Stability of the compliance, predicted before a run: loop, margins, map."""

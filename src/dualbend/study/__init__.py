@@ -1,1 +1,1 @@
-"""Studies of many runs: sweep, robustness, onset of oscillation, the paper's figures."""
+"""Studies of many runs: sweep, robustness, tuning, onset of oscillation, the paper's figures."""

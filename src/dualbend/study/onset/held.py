@@ -8,6 +8,7 @@ and tared during the step, so that the arms rest at the angle itself whatever th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,10 +16,11 @@ import msgspec
 import mujoco
 import numpy as np
 
+from dualbend.batch.many import run_many
 from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.servo import JointServo
 from dualbend.errors import InputError, refusing
-from dualbend.run.record import whole
+from dualbend.run.record import RunRecord, whole
 from dualbend.scenario.motion import MotionConfig
 from dualbend.scenario.path import ExactPathConfig
 from dualbend.scenario.scenario import Scenario
@@ -106,10 +108,22 @@ def held(
     )
 
 
-def oscillate(scenario: Scenario, axis: SingleAxis, *, friction: bool = True) -> Oscillation:
-    """Run a held scenario and say whether the disturbance grows; ``friction``: of the joints."""
-    ready = BendingRun(scenario) if friction else without_friction(scenario)
-    trace = whole(ready.run()).trace
+def oscillate(
+    scenarios: Sequence[Scenario], axis: SingleAxis, *, friction: bool = True
+) -> list[Oscillation]:
+    """Run held scenarios, as a batch, and say of each whether the disturbance grows.
+
+    ``friction``: of the joints.
+    """
+    runs = [BendingRun(each) if friction else without_friction(each) for each in scenarios]
+    ended = dict(run_many(runs))
+    return [_oscillation(run, ended[i], axis) for i, run in enumerate(runs)]
+
+
+def _oscillation(ready: BendingRun, record: RunRecord | Exception, axis: SingleAxis) -> Oscillation:
+    if isinstance(record, Exception):
+        raise record
+    trace, scenario = whole(record).trace, ready.scenario
     name = "x" if axis == "x" else "alpha"
     side = next(side for side in SIDES if side in scenario.compliance.complying)
     limit = scenario.compliance.limit_x_m if axis == "x" else scenario.compliance.limit_rotation_rad

@@ -133,18 +133,17 @@ def work(
 def _simulated(ray: RayLoop, axis: SingleAxis, guess: float, *, friction: bool) -> Simulated:
     seen: dict[float, Oscillation] = {}
 
-    def grows(b: float) -> bool:
-        seen[b] = oscillate(ray.held(b), axis, friction=friction)
-        return seen[b].grows
+    def grow(asked: Sequence[float]) -> list[bool]:
+        runs = oscillate([ray.held(b) for b in asked], axis, friction=friction)
+        seen.update(zip(asked, runs, strict=True))
+        return [run.grows for run in runs]
 
-    found = threshold(grows, guess)
+    found = threshold(grow, guess)
     nearest = min((b for b in seen if seen[b].grows), key=lambda b: abs(math.log(b / found.b)))
     # Without friction a small disturbance has more room to grow before the bound.
     small = 1.0 if friction else _SMALLER
-    after = [
-        oscillate(ray.held(part * found.b, small if part < 1.0 else 1.0), axis, friction=friction)
-        for part in RATES_AT
-    ]
+    parts = [(part * found.b, small if part < 1.0 else 1.0) for part in RATES_AT]
+    after = oscillate([ray.held(*each) for each in parts], axis, friction=friction)
     rates = tuple(
         Rate(
             b=part * found.b,

@@ -9,9 +9,8 @@ of them count. Neither the guess nor the runs beyond, which all say the same, ca
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from dualbend.errors import InputError
@@ -36,14 +35,16 @@ class Threshold:
     runs: int
 
 
-def threshold(grows: Callable[[float], bool], guess: float, step: float = STEP) -> Threshold:
-    """Return the b below which runs grow.
+def threshold(
+    grow: Callable[[Sequence[float]], Iterable[bool]], guess: float, step: float = STEP
+) -> Threshold:
+    """Return the b below which runs grow; ``grow`` tells it of several b at once.
 
     ln b = ln b₀ + (n − ½) ln(1 + step), n the number of runs that grow among all from b₀ up, b₀
     the lowest b: for answers that depend on chance the mean of the thresholds that runs have, for
     a sharp one the middle of its step. The grid is (1 + step)^i, whatever the guess is; an onset
     depends on the guess only if :data:`AGREEING` runs in a row agree where others, further on, do
-    not.
+    not. Asked at once is what is needed whatever the answers are: no run more than one by one.
 
     Raises InputError where the runs do not agree on both sides within a factor of eight.
 
@@ -52,21 +53,25 @@ def threshold(grows: Callable[[float], bool], guess: float, step: float = STEP) 
     """
     unit = math.log1p(step)
     nearest = round(math.log(guess) / unit)
+    furthest = math.floor(math.log(_FURTHEST) / unit)
     found: dict[int, bool] = {}
-    for way, wanted in ((1, False), (-1, True)):
-        in_a_row = 0
-        for i in itertools.count(nearest, way):
-            if abs(i - nearest) * unit > math.log(_FURTHEST):
-                low, high = sorted((guess, math.exp(i * unit)))
-                raise InputError(
-                    f"no onset between b = {low:.3g} and {high:.3g}: nowhere {AGREEING} runs in a "
-                    f"row that {'grow' if wanted else 'do not grow'}"
-                )
-            if i not in found:
-                found[i] = grows(math.exp(i * unit))
+
+    def needed(way: int, wanted: bool) -> range:
+        """Return the runs that one side needs at the least to agree."""
+        in_a_row, i = 0, nearest
+        while in_a_row < AGREEING and i in found:
             in_a_row = in_a_row + 1 if found[i] == wanted else 0
-            if in_a_row == AGREEING:
-                break
+            i += way
+        if abs(i - nearest) + AGREEING - in_a_row > furthest + 1:
+            low, high = sorted((guess, math.exp((nearest + way * (furthest + 1)) * unit)))
+            raise InputError(
+                f"no onset between b = {low:.3g} and {high:.3g}: nowhere {AGREEING} runs in a "
+                f"row that {'grow' if wanted else 'do not grow'}"
+            )
+        return range(i, i + way * (AGREEING - in_a_row), way)
+
+    while asked := list(dict.fromkeys((*needed(1, wanted=False), *needed(-1, wanted=True)))):
+        found.update(zip(asked, grow([math.exp(i * unit) for i in asked]), strict=True))
     least = min(found)
     growing = sum(found.values())
     first_not = min(i for i, it_grows in found.items() if not it_grows)

@@ -11,10 +11,11 @@ from dualbend.errors import InputError
 from dualbend.imperfection.config import ImperfectionsConfig
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario, variants
-from dualbend.stability import robust, search
-from dualbend.stability.gains import Gains
-from dualbend.stability.robust import RobustTuning, tune_robust
-from dualbend.stability.search import Margin, Search
+from dualbend.study.tuning import robust, search
+from dualbend.study.tuning.gains import Gains
+from dualbend.study.tuning.robust import RobustTuning, tune_robust
+from dualbend.study.tuning.search import Margin, Search
+from support.stand_in import each_by
 from support.strip import STRIP8
 
 SCENARIO = load_scenario(STRIP8, ["compliance.x.form=static", "compliance.x.k=1e4"])
@@ -52,8 +53,8 @@ class World:
 def found(
     monkeypatch: pytest.MonkeyPatch, world: World, margin: object = lambda *_: WIDE
 ) -> RobustTuning:
-    monkeypatch.setattr(search, "simulate", world.simulate)
-    monkeypatch.setattr(robust, "simulate", world.simulate)
+    monkeypatch.setattr(search, "simulate", each_by(world.simulate))
+    monkeypatch.setattr(robust, "simulate", each_by(world.simulate))
     monkeypatch.setattr(Search, "margin", margin)
     return tune_robust(SCENARIO, "typical", required=REQUIRED, seeds=3)
 

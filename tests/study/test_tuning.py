@@ -25,13 +25,14 @@ from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability import limits, search, tuning
-from dualbend.stability.gains import Gains, Knob, knobs, turned
 from dualbend.stability.plant.environment import environments
 from dualbend.stability.prediction import predict
-from dualbend.stability.search import Margin, Search, min_margin, places, with_compliance
-from dualbend.stability.tuning import Name, Outcome, Tuning, surpasses, tune, write_scenario
+from dualbend.study.tuning import limits, search, tuning
+from dualbend.study.tuning.gains import Gains, Knob, knobs, turned
+from dualbend.study.tuning.search import Margin, Search, min_margin, places, with_compliance
+from dualbend.study.tuning.tuning import Name, Outcome, Tuning, surpasses, tune, write_scenario
 from support.scripts import load_script
+from support.stand_in import each_by
 from support.strip import STRIP6, STRIP8
 
 REQUIRED = Margin(gain_db=6.0, phase_deg=30.0)
@@ -165,7 +166,7 @@ class Bowl:
         return WIDE if config.x.k >= self.smallest_k else Margin(gain_db=0.0, phase_deg=0.0)
 
     def found(self, monkeypatch: pytest.MonkeyPatch, bound_nm: float = 1.0) -> list[Gains]:
-        monkeypatch.setattr(search, "simulate", self.simulate)
+        monkeypatch.setattr(search, "simulate", each_by(self.simulate))
         scenario = load_scenario(STRIP8, ["compliance.x.form=static"])
         looking = Search(scenario, REQUIRED, (1, 2), bound_nm, lambda _: None)
         monkeypatch.setattr(looking, "margin", self.margin)
@@ -236,7 +237,7 @@ def test_the_limit_is_what_has_to_go_before_more_compliance_pays(
         peak = 1.0 - axis.k / 1e6 if grows_by == "peak" else 1.0
         return np.array([2.0 + slope * axis.k / 1e3, peak]), ""
 
-    monkeypatch.setattr(limits, "simulate", made_up)
+    monkeypatch.setattr(limits, "simulate", each_by(made_up))
     scenario = load_scenario(STRIP8)
     said = limits.limit(scenario, scenario.compliance, "x", REQUIRED, (1, 2))
     assert said.startswith(words)
@@ -488,7 +489,7 @@ def test_the_lane_demands_the_better_of_what_never_stops(
 ) -> None:
     """``result`` and ``own``: rms and peak with the fresh seeds; ``stopped``: runs of tuning."""
     again = iter([*[(0.04, 0.04)] * 2, *[own] * 2, *[result] * 2])
-    monkeypatch.setattr(LANE, "simulate", lambda *_: (np.array(next(again)), ""))
+    monkeypatch.setattr(LANE, "simulate", each_by(lambda *_: (np.array(next(again)), "")))
     outcomes = [outcome("none", SIZES["none"]), outcome("own", SIZES["own"], stopped)]
     found = LANE.judged(made_up("tuned", [*outcomes, outcome("tuned", SIZES["tuned"])]))
     assert (found.true, found.strict) == (true, strict)

@@ -22,16 +22,16 @@ from dualbend.imperfection.config import PresetName
 from dualbend.imperfection.sheet import true_sheet
 from dualbend.scenario.scenario import Scenario, variants
 from dualbend.scenario.sheet import with_true_numbers
-from dualbend.stability.gains import Gains, Knob, acting_axes, softened, turned
-from dualbend.stability.limits import MORE, said
-from dualbend.stability.search import (
+from dualbend.study.tuning.gains import Gains, Knob, acting_axes, softened, turned
+from dualbend.study.tuning.limits import MORE, said
+from dualbend.study.tuning.search import (
     MOST_TRIES,
     Margin,
     Search,
     simulate,
     with_compliance,
 )
-from dualbend.stability.tuning import SEARCH_SEEDS, start_of
+from dualbend.study.tuning.tuning import SEARCH_SEEDS, start_of
 from dualbend.types import Vector
 
 _ROUNDS = 3
@@ -94,14 +94,14 @@ def tune_robust(
     start = start_of(scenario)
     looked = [scenario.seed + i for i in range(seeds)]
     nothing = NoComplianceConfig(sensing=start.sensing)
-    without = {name: _moments(world, nothing, looked) for name, world in every.items()}
+    without = _moments(every, nothing, looked)
     worlds = {name: world for name, world in every.items() if np.isfinite(without[name]).all()}
     if "none" not in worlds:
         raise InputError(
             f"{scenario.name}: without compliance and imperfections its run does not complete, so "
             "there is nothing to compare with"
         )
-    own = {name: _moments(world, start, looked) for name, world in worlds.items()}
+    own = _moments(worlds, start, looked)
     found, tried = start, 0
     searched = [
         name for name in dict.fromkeys(("none", "all", _worst(own, without))) if name in worlds
@@ -119,7 +119,7 @@ def tune_robust(
         )
         found = search.run(found)[0].compliance
         tried += search.tried
-        moments = {name: _moments(world, found, looked) for name, world in worlds.items()}
+        moments = _moments(worlds, found, looked)
         if (worst := _worst(moments, without)) in searched:
             break
         searched.append(worst)
@@ -166,10 +166,13 @@ def _loops(worlds: Mapping[str, Scenario], seeds: Sequence[int]) -> list[Scenari
     return list(loops)
 
 
-def _moments(scenario: Scenario, compliance: ComplianceConfig, seeds: Sequence[int]) -> Vector:
-    """Return rms and peak of the moment (seeds, 2) [N m], infinite where a run does not end."""
-    with_it = with_compliance(scenario, compliance)
-    return np.array([simulate(with_it, seed)[0] for seed in seeds])
+def _moments(
+    worlds: Mapping[str, Scenario], compliance: ComplianceConfig, seeds: Sequence[int]
+) -> dict[str, Vector]:
+    """Return rms and peak of the moment (seeds, 2) [N m] of each, infinite where a run stops."""
+    with_it = [with_compliance(world, compliance) for world in worlds.values()]
+    moments = [found for found, _ in simulate([(one, seed) for one in with_it for seed in seeds])]
+    return dict(zip(worlds, np.array(moments).reshape(len(worlds), len(seeds), -1), strict=True))
 
 
 def _worst(moments: Mapping[str, Vector], without: Mapping[str, Vector]) -> str:
@@ -196,8 +199,8 @@ def _limit(
     if not margin.fulfils(search.required):
         return f"the margin: {MORE:g} times as compliant it is {said(margin)}"
     changes = {
-        name: float((_moments(world, more, seeds) / moments[name])[:, 0].mean() - 1.0)
-        for name, world in worlds.items()
+        name: float((with_more / moments[name])[:, 0].mean() - 1.0)
+        for name, with_more in _moments(worlds, more, seeds).items()
     }
     name = max(changes, key=lambda each: changes[each])
     if not math.isfinite(changes[name]):

@@ -19,10 +19,10 @@ from dualbend.errors import InputError
 from dualbend.run.make import make_run
 from dualbend.run.record import whole
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.gains import Gains, Knob, softened, turned
 from dualbend.stability.plant.environment import scenario_coupling
 from dualbend.stability.plant.pose import PosedArm
-from dualbend.stability.search import (
+from dualbend.study.tuning.gains import Gains, Knob, softened, turned
+from dualbend.study.tuning.search import (
     Margin,
     min_margin,
     places,
@@ -87,10 +87,9 @@ def limit(
 
 def _changed(scenario: Scenario, before: Gains, after: Gains, seeds: Sequence[int]) -> Vector:
     """Return by which part rms and peak change (seeds, 2) from one compliance to another."""
-    old, new = (
-        np.array([simulate(with_compliance(scenario, gains), seed)[0] for seed in seeds])
-        for gains in (before, after)
-    )
+    each = [with_compliance(scenario, gains) for gains in (before, after)]
+    moments = [found for found, _ in simulate([(one, seed) for one in each for seed in seeds])]
+    old, new = np.array(moments).reshape(2, len(seeds), -1)
     # Where runs of both stop, ∞/∞ says that nothing can be said.
     with np.errstate(invalid="ignore"):
         return np.asarray(new / old - 1.0)

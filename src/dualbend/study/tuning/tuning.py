@@ -33,10 +33,10 @@ from dualbend.files import write_whole
 from dualbend.run.record import task_of
 from dualbend.scenario.scenario import Scenario, without_none
 from dualbend.scene.sheet.strips import StripConfig
-from dualbend.stability.gains import Gains, acting_axes, softened
-from dualbend.stability.limits import beginning, limit, reach
 from dualbend.stability.prediction import predict
-from dualbend.stability.search import (
+from dualbend.study.tuning.gains import Gains, acting_axes, softened
+from dualbend.study.tuning.limits import beginning, limit, reach
+from dualbend.study.tuning.search import (
     MOST_TRIES,
     UNSTABLE,
     Margin,
@@ -307,7 +307,7 @@ def _outcome(name: Name, scenario: Scenario, compliance: ComplianceConfig, seeds
         )
     # What does not listen to the sensor has the same moment with every seed.
     listens = name != "none"
-    each = [simulate(with_it, scenario.seed + i) for i in range(seeds if listens else 1)]
+    each = simulate((with_it, scenario.seed + i) for i in range(seeds if listens else 1))
     return Outcome(
         name=name,
         compliance=compliance,

@@ -1,26 +1,29 @@
 """Search for the gains whose simulation has the least moment, at required margins.
 
 A run takes less than a second, so that every candidate is simulated: there is no model of a model
-to be wrong. Margins come first, because they cost less and no simulation shows them.
+to be wrong. Margins come first, because they cost less and no simulation shows them. Candidates go
+one by one, since each depends on what became of the one before and most end with their first seed.
 """
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable, Sequence
 
 import msgspec
 import numpy as np
 
+from dualbend.batch.many import run_many
 from dualbend.control.compliance.admittance import ComplianceConfig
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
-from dualbend.run.record import whole
+from dualbend.run.record import RunRecord, whole
 from dualbend.scenario.scenario import Scenario
-from dualbend.stability.gains import Gains, Knob, knobs, softened, turned
 from dualbend.stability.margins import loop_margins
 from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.sampled import LoopElements, environment_loops
+from dualbend.study.tuning.gains import Gains, Knob, knobs, softened, turned
 from dualbend.types import Vector
 
 STEPS = (4.0, 2.0, 1.4)
@@ -67,12 +70,21 @@ def with_compliance(scenario: Scenario, compliance: ComplianceConfig) -> Scenari
     return msgspec.structs.replace(scenario, compliance=compliance)
 
 
-def simulate(scenario: Scenario, seed: int) -> tuple[Vector, str]:
-    """Simulate; return rms and peak of the moment while it bends (2,) [N m], and "".
+def simulate(cases: Iterable[tuple[Scenario, int]]) -> list[tuple[Vector, str]]:
+    """Simulate scenarios with a seed each; return of each rms and peak of the moment, and "".
 
-    A run that does not end as completed has infinite moments, and how it ended.
+    (2,) [N m], while it bends. Runs of one structure are a batch, on all cores. A run that does not
+    end as completed has infinite moments, and how it ended.
     """
-    result = whole(make_run(msgspec.structs.replace(scenario, seed=seed)).run())
+    runs = [make_run(msgspec.structs.replace(scenario, seed=seed)) for scenario, seed in cases]
+    ended = dict(run_many(runs, threads=os.cpu_count() or 1))
+    return [_moments(ended[i]) for i in range(len(runs))]
+
+
+def _moments(record: RunRecord | Exception) -> tuple[Vector, str]:
+    if isinstance(record, Exception):
+        raise record
+    result = whole(record)
     if result.outcome != "completed":
         return np.full(2, math.inf), f"{result.outcome}: {result.reason}"
     found = (result.metrics[name].value for name in ("rms_moment", "peak_moment"))
@@ -190,7 +202,8 @@ class Search:
         rows: list[Vector] = []
         too_high = self._excess(best.moments) > 0.0
         for (world, seed), bound in zip(self.cases, self._bounds(best.moments), strict=True):
-            rows.append(simulate(with_compliance(world, compliance), seed)[0])
+            ((moments, _),) = simulate([(with_compliance(world, compliance), seed)])
+            rows.append(moments)
             if not (too_high or rows[-1][0] < bound):
                 return None
         trial = Trial(compliance=compliance, margin=margin, moments=np.array(rows))
@@ -220,9 +233,8 @@ class Search:
 
     def simulated(self, compliance: ComplianceConfig) -> Vector:
         """Return the moments (seeds, 2) of a compliance."""
-        return np.array(
-            [simulate(with_compliance(world, compliance), seed)[0] for world, seed in self.cases]
-        )
+        cases = [(with_compliance(world, compliance), seed) for world, seed in self.cases]
+        return np.array([moments for moments, _ in simulate(cases)])
 
     def _count(self) -> None:
         self.tried += 1

@@ -1,0 +1,1 @@
+"""Gains that are searched for by simulation, and what keeps them from doing more."""
