@@ -205,7 +205,9 @@ def _so_far(run: Run, trace: Trace) -> RunRecord:
         scenario=run.scenario,
         outcome="completed",
         trace=trace,
-        scene=Scene(model=run.cell.model, bend_stiffness=run.cell.simulation.bend_stiffness),
+        scene=Scene(
+            compiled=lambda: run.cell.model, bend_stiffness=run.cell.simulation.bend_stiffness
+        ),
         simulated_s=trace.rows * run.scenario.period_s,
         wall_time_s=0.0,
         identity=run.identity,

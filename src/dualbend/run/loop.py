@@ -223,13 +223,13 @@ class Run:
         self, outcome: Outcome, reason: str = "", wall_time_s: float = 0.0, signal: int = 0
     ) -> RunRecord:
         """Return what the run has left so far."""
-        simulation = self.cell.simulation
+        cell, simulation = self.cell, self.cell.simulation
         return RunRecord(
             scenario=self.scenario,
             outcome=outcome,
             reason=reason,
             trace=self.trace,
-            scene=Scene(model=self.cell.model, bend_stiffness=simulation.bend_stiffness),
+            scene=Scene(compiled=lambda: cell.model, bend_stiffness=simulation.bend_stiffness),
             simulated_s=float(simulation.data.time),
             wall_time_s=wall_time_s,
             controller=self._controlled_by(),

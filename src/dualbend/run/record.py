@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -104,10 +105,12 @@ def task_of(scenario: Scenario) -> Task:
 class Scene:
     """What only a run in memory has: the model with its looks, for pictures, and its stiffness.
 
-    ``bend_stiffness`` (N,): moment over bending angle at each place of bending [N m/rad].
+    ``compiled`` gives the model, which takes as long as a tenth of a second of the loop and is
+    compiled for who asks. ``bend_stiffness`` (N,): moment over bending angle at each place of
+    bending [N m/rad].
     """
 
-    model: mujoco.MjModel
+    compiled: Callable[[], mujoco.MjModel]
     bend_stiffness: Vector
 
 
@@ -204,7 +207,7 @@ class RunRecord:
     @property
     def model(self) -> mujoco.MjModel:
         """The model with its looks."""
-        return self._in_memory.model
+        return self._in_memory.compiled()
 
     @property
     def bend_stiffness(self) -> Vector:
