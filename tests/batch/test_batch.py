@@ -1,6 +1,6 @@
 """Runs of one batch are what each is alone, to the bit; one that ends early disturbs no other."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -11,16 +11,18 @@ from dualbend.batch.benchmark import benchmark_batch
 from dualbend.batch.group import alone, grouped
 from dualbend.batch.loop import BatchLoop
 from dualbend.batch.many import run_many
+from dualbend.control.controller import Controller
 from dualbend.errors import InputError
 from dualbend.run.loop import Run
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.run.trace import WALL_CLOCK_COLUMNS
 from dualbend.scenario.load import load_scenario
-from dualbend.scenario.scenario import variants
+from dualbend.scenario.scenario import Scenario, variants
 from dualbend.study.runs import in_batches
 from dualbend.study.sweep.run import run_row
 from dualbend.task.bending.run import BendingRun
+from dualbend.types import Vector
 
 SHORT = (
     "sheet.model.hinges=4",
@@ -170,6 +172,29 @@ def test_own_controllers_fail_alone() -> None:
             patch.syspath_prepend(folder)
             records = assert_as_alone([("fig8", *NONE, kind) for kind in kinds])
     assert [one.outcome for one in records] == ["completed", "failed", "protective_stop"]
+
+
+def test_own_controllers_under_a_learned_correction_fail_alone() -> None:
+    def fails(_: object) -> Vector:
+        raise RuntimeError("no answer")
+
+    def made_with(compliance: Callable[[Scenario], Controller]) -> BendingRun:
+        scenario, correction = load_scenario("fig8", NONE), np.zeros((2, 1))
+        run = make_run(scenario, compliance=compliance, correction=correction)
+        assert isinstance(run, BendingRun)
+        return run
+
+    loop = BatchLoop([made_with(lambda _: fails), made_with(lambda _: lambda _: np.zeros((2, 6)))])
+    assert sorted(dict(loop.run())) == [1]
+    assert loop.left.tolist() == [True, False]
+
+
+def test_a_model_to_look_at_is_compiled_for_who_asks() -> None:
+    runs = [made("fig8", *NONE, seed=seed) for seed in (1, 2)]
+    records = [record for _, record in run_many(runs)]
+    assert not any("model" in vars(run.cell) for run in runs)
+    assert isinstance(records[0], RunRecord)
+    assert records[0].model.ngeom > runs[0].cell.simulation.model.ngeom
 
 
 def test_the_benchmark_parts_a_cycle_into_physics_and_control() -> None:

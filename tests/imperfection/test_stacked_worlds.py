@@ -17,8 +17,8 @@ from dualbend.control.guard import ProtectiveStop
 from dualbend.control.worlds import BLOCK, drawn
 from dualbend.control.wrist import WristSensors
 from dualbend.imperfection.draws import ahead, noise_streams
-from dualbend.imperfection.link import CommandLink, LinkConfig, no_command
-from dualbend.imperfection.sensor import ErringSensor, SensorErrors
+from dualbend.imperfection.link import CommandLink, LinkConfig, losses, no_command
+from dualbend.imperfection.sensor import ErringSensor, SensorErrors, dropouts
 from dualbend.types import SIDES, Vector
 
 CYCLES = 100
@@ -142,3 +142,23 @@ def test_what_is_drawn_ahead_is_what_single_draws_give(kind: str) -> None:
     found = np.concatenate([drawn(draws, (1, 2), 6) for _ in range(2)])
     np.testing.assert_array_equal(found[:, 0, 0], [one_by_one(6) for _ in range(2 * BLOCK)])
     assert not found[:, 0, 1].any()
+
+
+@pytest.mark.parametrize("p", [5e-4, 0.1, 0.9])
+def test_bursts_drawn_ahead_are_those_of_single_draws(p: float) -> None:
+    """Exact: 40 blocks; a burst draws its length, a drop-out of three cycles a number in each."""
+    ahead_of_all, one, other = (np.random.default_rng(7) for _ in range(3))
+    lost, missing = [], []
+    while len(lost) < 40 * BLOCK:
+        begins = one.random() < p
+        lost += [begins] * (one.geometric(0.25) if begins else 1)
+    while len(missing) < 40 * BLOCK:
+        begins = other.random() < p
+        missing += [begins] * (3 if begins else 1)
+        other.random(2 * begins)
+    for draw, wanted in (
+        (losses(ahead_of_all, p, 4.0), lost),
+        (dropouts(np.random.default_rng(7), p, 3), missing),
+    ):
+        found = np.concatenate([draw() for _ in range(40)])
+        np.testing.assert_array_equal(found, wanted[: 40 * BLOCK])

@@ -2,12 +2,17 @@
 
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from dualbend.run.record import RunRecord, Scene
 from dualbend.run.trace import Trace, TraceRecorder
 from dualbend.scenario.scenario import Scenario
 from dualbend.types import Vector
+
+
+def _no_model() -> mujoco.MjModel:
+    raise AssertionError
 
 
 def written_run(
@@ -31,6 +36,6 @@ def written_run(
     scene = None
     if bend_stiffness is not None:
         stiffness = np.full(hinges, bend_stiffness)
-        scene = Scene(compiled=lambda: None, bend_stiffness=stiffness)  # type: ignore[arg-type]
+        scene = Scene(compiled=_no_model, bend_stiffness=stiffness)
     ended = {"outcome": "completed", "simulated_s": 0.028 * rows, "wall_time_s": 2.0, **parts}
     return RunRecord(scenario=scenario, trace=Trace(named.columns, values), scene=scene, **ended)

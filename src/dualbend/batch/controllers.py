@@ -29,6 +29,12 @@ def joined(controllers: Sequence[Controller]) -> Controller:
     return OneByOne(controllers)
 
 
+def one_by_one(controller: Controller) -> OneByOne | None:
+    """Return the controllers that are asked world by world; None where there are none."""
+    inner = controller.controller if isinstance(controller, CorrectedController) else controller
+    return inner if isinstance(inner, OneByOne) else None
+
+
 class OneByOne:
     """Controllers that know of one world only, such as a user's.
 

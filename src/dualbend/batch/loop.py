@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dualbend.batch.controllers import ActiveOnly, OneByOne, joined
+from dualbend.batch.controllers import ActiveOnly, joined, one_by_one
 from dualbend.batch.physics import CpuPhysics, Physics
-from dualbend.control.controller import ControlledPath, Observation
+from dualbend.control.controller import IN_PLANE, ControlledPath, Observation
 from dualbend.control.servo import JointServo
 from dualbend.control.wrist import WristSensors
 from dualbend.imperfection.link import CommandLink
@@ -62,6 +62,7 @@ class BatchLoop:
         self._sample = self._physics.start()
         self._sensors = WristSensors.stacked([run.sensors for run in runs])
         self._controller = joined([run.path.controller for run in runs])
+        self._one_by_one = one_by_one(self._controller)
         self.active: Mask = np.ones(n, dtype=np.bool_)
         only = ActiveOnly(self._controller, self.active)
         self._path = ControlledPath.stacked([run.path for run in runs], only)
@@ -74,9 +75,9 @@ class BatchLoop:
         self._integral = make_integral(scenario, robots[0], shape)
         self._response = make_response(scenario, first.cell.arms, shape)
         self._response.reset(np.stack([cell.home for cell in cells]))
-        self._near = PoseCorrection(robots[0], PosedWorlds(robots, GRIPS))
+        self._near = PoseCorrection(robots[0], PosedWorlds(robots, GRIPS, threads))
         errors = scenario.imperfections.robot
-        believed = BelievedArms(PosedWorlds(robots, SITES))
+        believed = BelievedArms(PosedWorlds(robots, SITES, threads))
         self._measured = Measured(
             self._physics.observer, self._physics.data, believed if errors.displaces else None
         )
@@ -84,19 +85,23 @@ class BatchLoop:
             self._physics.fed_forward = believed.coriolis
         self._motion(runs)
         self.trace = first.recorder(int(self.cycles.max()), shape)
-        self._q = self._nominal_q[:, 0].copy()
+        self._q = self._nominal_q[0].copy()
         self.left: Mask = np.zeros(n, dtype=np.bool_)
 
     def _motion(self, runs: Sequence[BendingRun]) -> None:
-        """Hold what each world is to do in each cycle, the last one again after its end."""
+        """Hold what each world is to do (cycles, n, ...), in its last cycle again after its end."""
         self.cycles = np.array([run.motion.cycles for run in runs])
         longest = int(self.cycles.max())
 
         def table(rows: Iterable[NDArray[Any]]) -> NDArray[Any]:
             more = [(longest - len(row), row) for row in rows]
-            return np.stack([np.concatenate((row, row[-1:].repeat(k, axis=0))) for k, row in more])
+            whole = [np.concatenate((row, row[-1:].repeat(k, axis=0))) for k, row in more]
+            return np.stack(whole, axis=1)
 
         self._poses = table(run.nominal_poses for run in runs)
+        self._drawn = np.stack(
+            (self._poses[..., 2], -self._poses[..., 0], self._poses[..., 1]), axis=-1
+        )
         self._nominal_q = table(run.nominal_q for run in runs if run.nominal_q is not None)
         self._phases = table(run.motion.phase for run in runs)
         errors = [run.grip_errors for run in runs if run.grip_errors is not None]
@@ -119,39 +124,41 @@ class BatchLoop:
                 self.act()
 
     def look(self) -> Observation:
-        """Begin a command cycle: return what the controllers observe, of the active worlds."""
+        """Begin a command cycle: return what the controllers observe, of the active worlds.
+
+        ``aside`` is theirs where they are asked one by one; the others do not read it.
+        """
         self._began = time.perf_counter()
         physics, trace = self._physics, self.trace
         n = trace.rows
         self._displace(n)
         seen = physics.observe(self.active)
-        pose = self._poses[:, n]
+        pose = self._poses[n]
         period_s = self._runs[0].scenario.period_s
+        if physics.fed_forward is not None:
+            physics.fed_forward(seen.q, seen.speed)  # asked first: the frames come with it
         bends = physics.observer.sheet.bending_angles(physics.data)
-        drawn = np.stack((pose[:, 2], -pose[:, 0], pose[:, 1]), axis=-1)
-        trace.observe(
-            trace.rows * period_s, self._phases[:, n], drawn, seen, physics.data.qpos, bends
-        )
+        drawn = self._drawn[n]
+        trace.observe(n * period_s, self._phases[n], drawn, seen, physics.data.qpos, bends)
         reference = self._response.position
-        beyond = self._guard.outside(seen.q, seen.speed, seen.torque, reference)
-        self._leave(np.any(beyond, axis=(0, -1)) | has_snapped(seen.sag, pose[:, 2]))
+        self._leave_if(self._guard.outside(seen.q, seen.speed, seen.torque, reference))
+        self._leave(has_snapped(seen.sag, pose[:, 2]))
         if self._grip_errors is not None:
             turns = physics.observer.roll_and_yaw(physics.data)
             trace.record_task(turns.reshape(len(self._runs), -1))
         axes = self._measured.sensor_axes(self._sample.rotation, seen)
         reading = self._sensors.read(self._sample.wrench, axes, new=self._sample.new)
         trace.record_reading(reading)
-        beyond = self._sensor_guard.outside(reading.clipped, reading.fresh)
-        self._leave(np.any(beyond, axis=(0, -1)))
+        self._leave_if(self._sensor_guard.outside(reading.clipped, reading.fresh))
         self._seen, self._reference = seen, reference
         self._observed = Observation.of(
             reading,
-            time_s=(trace.rows - 1) * period_s,
-            phase=self._names[self._phases[:, n]],
+            time_s=n * period_s,
+            phase=self._names[self._phases[n]],
             joints_rad=seen.q,
             measured=PlanarPose(self._measured.grips(seen)[..., PLANAR]),
             nominal=PlanarPose(np.repeat(pose[:, np.newaxis], len(SIDES), axis=1)),
-            aside=self._measured.aside(seen),
+            aside=IN_PLANE if self._one_by_one is None else self._measured.aside(seen),
         )
         return self._observed
 
@@ -159,9 +166,9 @@ class BatchLoop:
         """End the cycle: command what the controllers answer, or deviations (n, 2, 6) instead."""
         physics, n = self._physics, self.trace.rows - 1
         command = self._path.command(self._observed, action)
-        if isinstance(self._controller, OneByOne):
-            self._leave(self._controller.failed)
-        start = self._nominal_q[:, n] + (self._q - self._nominal_q[:, max(n - 1, 0)])
+        if self._one_by_one is not None:
+            self._leave(self._one_by_one.failed)
+        start = self._nominal_q[n] + (self._q - self._nominal_q[max(n - 1, 0)])
         frames = grip_frames(command.pose.coordinates, command.aside)
         solution = self._near.solve(*frames, start)
         self._leave(~np.asarray(solution.reached))
@@ -169,7 +176,7 @@ class BatchLoop:
         sent, ages = self._q, _NO_AGES
         if self._link is not None:
             sent, ages = self._link.forward(self._q), self._link.age
-            self._leave(np.any(self._link.starved, axis=-1))
+            self._leave_if(self._link.starved[np.newaxis])
         error = self._reference - self._seen.q
         offset = self._integral.update(error)
         now = self._response.update(sent)
@@ -181,17 +188,24 @@ class BatchLoop:
         wall_s = (time.perf_counter() - self._began) / len(self._runs)
         self.trace.record_control(self._observed, command, solution, wall_s, ages)
 
-    def _leave(self, worlds: Mask | np.bool) -> None:
+    def _leave(self, worlds: Mask) -> None:
         """Leave worlds to be run alone."""
-        self.left |= worlds & self.active
-        self.active &= ~worlds  # in place: others hold it
+        if np.count_nonzero(worlds):
+            self.left |= worlds & self.active
+            self.active &= ~worlds  # in place: others hold it
+
+    def _leave_if(self, met: NDArray[Any]) -> None:
+        """Leave worlds in which anything of (kinds, n, parts) is met."""
+        if np.count_nonzero(met):
+            self._leave(np.any(met, axis=(0, -1)))
 
     def _displace(self, n: int) -> None:
         """Apply the misalignment of the grips."""
         errors, changes = self._grip_errors, self._grips_change
         if errors is not None and changes is not None:
-            for world in np.flatnonzero(self.active & changes[:, n]).tolist():
-                self._physics.displace(world, errors[world, n])
+            worlds = np.flatnonzero(self.active & changes[n])
+            if worlds.size:
+                self._physics.displace(worlds, errors[n, worlds])
 
     def record(self, world: int, wall_s: float = 0.0) -> RunRecord:
         """Return what a world's run has left, which came to its end."""

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from dualbend.imperfection.robot import Stribeck
 from dualbend.run.cell import RobotCell
+from dualbend.scene.mjcf import about_zyx
 from dualbend.scene.observation import Observation, Observer, SensorSample, Source
 from dualbend.scene.posed import differing
 from dualbend.types import Mask, Vector
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_SITES = ("site_pos", "site_quat")
 
 
 class Physics(Protocol):
@@ -48,8 +48,8 @@ class Physics(Protocol):
     def observe(self, active: Mask) -> Observation:
         """Return what is observed at the start of a cycle, of the active worlds (n,)."""
 
-    def displace(self, world: int, errors: Vector) -> None:
-        """Let a world's sheet edges lie off their grippers, (2, 6), before it is observed."""
+    def displace(self, worlds: NDArray[np.int_], errors: Vector) -> None:
+        """Let the sheet edges of worlds lie off their grippers, (k, 2, 6), before they are seen."""
 
     def advance(self, setpoints: Vector, active: Mask) -> SensorSample:
         """Run one command cycle on set-points (n, steps, joints) [rad]."""
@@ -115,12 +115,12 @@ class CpuPhysics:
         seen = self.observer.observation(self.data, self.observer.pad_loads(self.data))
         return replace(seen, torque=self._torque)
 
-    def displace(self, world: int, errors: Vector) -> None:
-        """Let a world's sheet edges lie off their grippers, as its own simulation has it."""
-        simulation = self._cells[world].simulation
-        simulation.displace_grasps(errors)
-        for name in _SITES:
-            self.data.expand(name)[world] = getattr(simulation.model, name)
+    def displace(self, worlds: NDArray[np.int_], errors: Vector) -> None:
+        """As :meth:`dualbend.scene.simulation.Simulation.displace_grasps` does it in one."""
+        at, half = np.ix_(worlds, self._cells[0].simulation.pads), errors[..., 3:] / 2
+        self.data.expand("site_pos")[at] = errors[..., :3]
+        turns = (np.moveaxis(part, -1, 0) for part in (np.cos(half), np.sin(half)))
+        self.data.expand("site_quat")[at] = np.stack(about_zyx(*turns), axis=-1)
 
     def advance(self, setpoints: Vector, active: Mask) -> SensorSample:
         """Run one command cycle on set-points (n, steps, joints) [rad], in the active worlds."""

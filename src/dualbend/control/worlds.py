@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from dualbend.types import Vector
 
-BLOCK = 32
+BLOCK = 128
 """Cycles for which random numbers are drawn at once; they are those of as many single draws."""
 
 Draw = Callable[[], ArrayLike]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
-from itertools import islice
 
 import numpy as np
 
@@ -41,8 +40,3 @@ def ahead(
 ) -> Draw | None:
     """Return what draws numbers (*size) for the next BLOCK cycles; None where none are needed."""
     return partial(draw, (BLOCK, *size)) if when else None
-
-
-def ahead_of(events: Iterator[bool], *, when: float | bool = True) -> Draw | None:
-    """Return what takes events, of one cycle each, for the next BLOCK cycles, as :func:`ahead`."""
-    return (lambda: np.fromiter(islice(events, BLOCK), np.bool_, BLOCK)) if when else None

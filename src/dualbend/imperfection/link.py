@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
-from itertools import repeat as repeated
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.control.guard import ProtectiveStop
-from dualbend.control.worlds import BLOCK, Stackable, drawn
-from dualbend.imperfection.draws import ahead, ahead_of, stream
+from dualbend.control.worlds import BLOCK, Draw, Stackable, drawn
+from dualbend.imperfection.draws import ahead, stream
 from dualbend.types import Config, Mask, Side, Vector, said
 
 Policy = Literal["hold", "extrapolate", "stop"]
@@ -99,7 +98,7 @@ class CommandLink(Stackable):
         ]
         self._late = [ahead(own.random, when=config.late_probability) for own in streams("late")]
         self._lost = [
-            ahead_of(_losses(own, lost, config.burst_cycles), when=lost) for own in streams("lost")
+            losses(own, lost, config.burst_cycles) if lost else None for own in streams("lost")
         ]
         self._doubled = [
             ahead(own.random, when=config.doubled_probability) for own in streams("doubled")
@@ -213,10 +212,28 @@ def no_command(side: Side, cycles: int) -> ProtectiveStop:
     )
 
 
-def _losses(rng: np.random.Generator, probability: float, burst_cycles: float) -> Iterator[bool]:
-    """Tell of each command whether it is lost; in a burst no other one can begin."""
-    while True:
-        if rng.random() < probability:
-            yield from repeated(True, int(rng.geometric(1.0 / burst_cycles)))
-        else:
-            yield False
+def losses(rng: np.random.Generator, probability: float, burst_cycles: float) -> Draw:
+    """Return what tells of the next BLOCK commands which are lost; in a burst none can begin.
+
+    A number is drawn for each command out of a burst, and then the burst's length where one begins:
+    what was drawn beyond a beginning is drawn again after it.
+    """
+    source, left = rng.bit_generator, 0
+    assert isinstance(source, np.random.PCG64)
+
+    def draw() -> Mask:
+        nonlocal left
+        lost, at = np.arange(BLOCK) < left, min(left, BLOCK)
+        left -= at
+        while at < BLOCK:
+            begins = np.flatnonzero(rng.random(BLOCK - at) < probability)
+            if not begins.size:
+                break
+            first = at + int(begins[0])
+            source.advance(first + 1 - BLOCK)
+            end = first + int(rng.geometric(1.0 / burst_cycles))
+            at = min(end, BLOCK)
+            lost[first:at], left = True, end - at
+        return lost
+
+    return draw

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Annotated
 
 import msgspec
 import numpy as np
 
 from dualbend.control.force_torque import ForceTorqueConfig, Sensor
-from dualbend.control.worlds import BLOCK, drawn
-from dualbend.imperfection.draws import ahead, ahead_of, cut_normal, stream
+from dualbend.control.worlds import BLOCK, Draw, drawn
+from dualbend.imperfection.draws import ahead, cut_normal, stream
 from dualbend.types import Config, Mask, Side, Vector, matvec, said
 
 _HOUR_S = 3600.0
@@ -166,8 +166,7 @@ class ErringSensor(Sensor):
         self._spike = _pair(errors.spike_force_n, errors.spike_torque_nm) + np.zeros_like(rate)
         chance, cycles = errors.dropout_probability, errors.dropout_cycles
         self._dropouts = [
-            ahead_of(_dropouts(own, chance, cycles), when=chance)
-            for own in streams("drop-out", repeat)
+            dropouts(own, chance, cycles) if chance else None for own in streams("drop-out", repeat)
         ]
         stuck = np.reshape([side in errors.stuck for _, side in arms], shape)
         until_s = errors.stuck_from_s + errors.stuck_for_s
@@ -196,10 +195,12 @@ class ErringSensor(Sensor):
     def _draw_distortions(self) -> None:
         shape = self.arrived.shape
         # A reading's drift is the last one's, then the rate, then the walk.
-        steps = np.empty((2 * BLOCK + 1, *shape, 6))
-        steps[0], steps[1::2] = self._drift, self._drift_per_cycle
-        steps[2::2] = self._walk_per_cycle * drawn(self._walks, shape, 6)
-        self._drifts: Vector = np.add.accumulate(steps)[::2]
+        steps = np.empty((*shape, 6, 2 * BLOCK + 1))
+        steps[..., 0], steps[..., 1::2] = self._drift, self._drift_per_cycle[..., np.newaxis]
+        walks = self._walk_per_cycle * drawn(self._walks, shape, 6)
+        steps[..., 2::2] = np.moveaxis(walks, 0, -1)
+        drifts = np.moveaxis(np.add.accumulate(steps, axis=-1)[..., ::2], -1, 0)
+        self._drifts: Vector = np.ascontiguousarray(drifts)
         self._drift = self._drifts[-1]
         chance, axis, sign = np.moveaxis(drawn(self._spikes, shape, 3), -1, 0)
         begins = chance < self._spike_probability
@@ -222,11 +223,19 @@ class ErringSensor(Sensor):
         self._repeats: Mask = np.any(stands.reshape(BLOCK, -1), axis=1)
 
 
-def _dropouts(rng: np.random.Generator, probability: float, cycles: int) -> Iterator[bool]:
-    """Tell of each cycle whether its record is missing; a number is drawn in each."""
-    while True:
-        begins = rng.random() < probability
-        yield begins
-        for _ in range((cycles - 1) * begins):
-            rng.random()
-            yield True
+def dropouts(rng: np.random.Generator, probability: float, cycles: int) -> Draw:
+    """Return what tells of the next BLOCK cycles whose record is missing; each draws a number."""
+    left = 0
+
+    def draw() -> Mask:
+        nonlocal left
+        missing, at = np.arange(BLOCK) < left, min(left, BLOCK)
+        left -= at
+        for first in np.flatnonzero(rng.random(BLOCK) < probability).tolist():
+            if first >= at:
+                end = first + cycles
+                at = min(end, BLOCK)
+                missing[first:at], left = True, end - at
+        return missing
+
+    return draw

@@ -58,7 +58,7 @@ class RobotCell:
     def __init__(self, scenario: Scenario, start: Vector, place: Vector | None = None) -> None:
         self.scenario, self.start, self.place = scenario, start, place
         self.arms = arms = arm_pair(scenario)
-        robots = robots_only(arms).compile()
+        robots = without_looks(robots_only(arms)).compile()
         self.ik = InverseKinematics(robots, arms.home)
         self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)

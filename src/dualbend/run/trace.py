@@ -235,8 +235,8 @@ class TraceRecorder(Trace):
         ends = np.cumsum([len(group) for group in groups.values()]).tolist()
         starts = (0, *ends[:-1])
         self._slices = {name: slice(*at) for name, *at in zip(groups, starts, ends, strict=True)}
-        room = np.full((*shape, cycles, len(self.columns)), np.nan)
-        self._positions = np.empty((*shape, cycles, qpos_size))
+        room = np.moveaxis(np.full((cycles, *shape, len(self.columns)), np.nan), 0, -2)
+        self._positions = np.moveaxis(np.empty((cycles, *shape, qpos_size)), 0, -2)
         super().__init__(self.columns, room, self._positions)
         self._readings = slice(self._slices["ik"].stop, self._slices["saturated"].start)
         self.rows = 0

@@ -83,5 +83,5 @@ class Measured:
         """
         if self._believed is None:
             return rotation
-        error = np.swapaxes(self._observer.sensor_axes(self._data), -1, -2)
+        error = self._observer.sensor_axes(self._data).mT.copy()
         return np.asarray(rotation @ (error @ self._believed.sensor_axes(seen.q)))

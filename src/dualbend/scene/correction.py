@@ -9,7 +9,7 @@ from dualbend.control.alter import turn
 from dualbend.scene.ik import IKSolution
 from dualbend.scene.observation import BENDING_TO_WORLD
 from dualbend.scene.posed import Posed
-from dualbend.types import SIDES, Mask, Vector
+from dualbend.types import SIDES, Vector
 
 _POSE = 6
 _MAX_STEPS = 6
@@ -17,6 +17,10 @@ _MAX_STEPS = 6
 
 _RESTS = 1e-10
 """Residual [m, rad] that is left: set-points that stayed for less would be a dead zone."""
+
+_CURVATURE = 60.0
+"""Of a grip at most R from all joints a step by dq leaves at most ½ R (Σ|dqᵢ|)² <= 3 R Σ dqᵢ²: with
+this number for R up to 20 m."""
 
 _ABOVE, _BELOW = np.array([7, 2, 3]), np.array([5, 6, 1])
 """Where a matrix (9,) has its skew part: r₃₂ − r₂₃, r₁₃ − r₃₁, r₂₁ − r₁₂."""
@@ -55,42 +59,53 @@ class PoseCorrection:
     def solve(self, places: Vector, axes: Vector, start: Vector) -> IKSolution:
         """Return the angles for grips at places (..., 2, 3) with axes (..., 2, 3, 3) in the world.
 
-        A world that is not reached (a joint's limit, a singular pose) has its last angles.
+        A world that is not reached (a joint's limit, a singular pose) has its last angles. Its
+        residuals are bounds from above where the last step was too short to need a look.
         """
         q, steps = start, np.zeros(start.shape[:-1], dtype=np.int_)
         left = np.ones(start.shape[:-1], dtype=np.bool_)
+        residual, transposed = np.empty((*start.shape[:-1], 2)), axes.mT.copy()
         for step in range(_MAX_STEPS + 1):
-            error = self._error(q, places, axes)
-            # Squares over both arms' places and turns, the worse arm's of either.
-            halves = error.reshape(*start.shape[:-1], 2, 2, 3)
-            squares = np.einsum("...i,...i->...", halves, halves).max(axis=-2)
-            residual = np.sqrt(squares)
-            position, rotation = residual[..., 0], residual[..., 1]
-            left = left & (np.maximum(position, rotation) > _RESTS)
+            error = self._error(q, places, transposed)
+            # Of places and turns, the worse arm's of either.
+            squares = error * error
+            squares = squares[..., ::3] + squares[..., 1::3] + squares[..., 2::3]
+            found = np.sqrt(np.maximum(squares[..., 0, :], squares[..., 1, :]))
+            np.copyto(residual, found, where=left[..., np.newaxis])
+            left = left & (np.maximum(found[..., 0], found[..., 1]) > _RESTS)
             if step == _MAX_STEPS or not np.count_nonzero(left):
                 break
-            jacobian = self._posed.jacobian(left)
-            moved = q + _solved(jacobian, error, left).reshape(q.shape)
-            left &= np.all((moved > self._lower) & (moved < self._upper), axis=-1)
-            q = np.where(left[..., np.newaxis], moved, q)
+            turns = _solved(self._posed.jacobian(), error).reshape(q.shape)
+            moved = q + turns
+            inside = (moved > self._lower) & (moved < self._upper)
+            if not inside.all():
+                left = left & inside.all(axis=-1)
+            q = moved if left.all() else np.where(left[..., np.newaxis], moved, q)
             steps += left
+            at_most = _CURVATURE * np.einsum("...i,...i->...", turns, turns)
+            rests = left & (at_most <= _RESTS)
+            if np.count_nonzero(rests):
+                np.copyto(residual, at_most[..., np.newaxis], where=rests[..., np.newaxis])
+                left = left & ~rests
+                if not np.count_nonzero(left):
+                    break
         return IKSolution(
             q=q,
-            position_residual_m=position,
-            rotation_residual_rad=rotation,
+            position_residual_m=residual[..., 0],
+            rotation_residual_rad=residual[..., 1],
             iterations=steps,
         )
 
-    def _error(self, q: Vector, places: Vector, axes: Vector) -> Vector:
-        """Return e (..., 2, 6)."""
-        grips, axes_there = self._posed.frames(q)
-        grip = axes_there.reshape(axes.shape)
+    def _error(self, q: Vector, places: Vector, transposed: Vector) -> Vector:
+        """Return e (..., 2, 6) of axes that are given transposed, R*ᵀ."""
+        grips, axes = self._posed.frames(q)
         # Σ rᵢ × r*ᵢ is twice the skew part of R* Rᵀ.
-        turns = (axes @ np.swapaxes(grip, -1, -2)).reshape(*axes.shape[:-2], 9)
+        turns = (axes.reshape(transposed.shape) @ transposed).reshape(axes.shape)
         error = np.empty((*places.shape[:-1], _POSE))
         np.subtract(places, grips, out=error[..., :3])
-        np.subtract(turns[..., _ABOVE], turns[..., _BELOW], out=error[..., 3:])
-        error[..., 3:] *= 0.5
+        skew = error[..., 3:]
+        np.subtract(turns.take(_BELOW, axis=-1), turns.take(_ABOVE, axis=-1), out=skew)
+        skew *= 0.5
         return error
 
 
@@ -100,24 +115,28 @@ def grip_frames(pose: Vector, aside: Vector) -> tuple[Vector, Vector]:
     ``pose`` (..., 2, 3) x, z [m], α [rad] and ``aside`` (..., 2, 3) y [m], roll and yaw [rad], each
     in its arm's bending frame, with the axes that :func:`dualbend.control.alter.turn` has there.
     """
-    places = np.stack((pose[..., 0], aside[..., 0], pose[..., 1]), axis=-1) * BENDING_TO_WORLD
-    angles = np.stack((aside[..., 1], pose[..., 2], aside[..., 2]), axis=-1)
-    return np.asarray(places), np.asarray(_HALF_TURN @ turn(angles))
+    places = np.empty(pose.shape)
+    places[..., ::2], places[..., 1] = pose[..., :2], aside[..., 0]
+    places *= BENDING_TO_WORLD
+    if np.count_nonzero(aside):
+        angles = np.stack((aside[..., 1], pose[..., 2], aside[..., 2]), axis=-1)
+        return places, np.asarray(_HALF_TURN @ turn(angles))
+    axes = np.zeros((*pose.shape, 3))
+    axes[..., 0, 0] = axes[..., 2, 2] = np.cos(pose[..., 2])
+    axes[..., 0, 2] = np.sin(pose[..., 2])
+    axes[..., 2, 0] = -axes[..., 0, 2]
+    axes[..., 1, 1] = 1.0
+    axes[..., 1, :2, :] *= -1.0
+    return places, axes
 
 
-def _solved(jacobian: Vector, error: Vector, worlds: Mask) -> Vector:
-    """Return J⁻¹ e (..., 2, 6) of the named worlds (...), 0 of the others.
-
-    NaN where J is singular, which must not stop the other worlds.
-    """
-    step = np.zeros(error.shape)
-    jacobian, error = jacobian[worlds], error[worlds]
+def _solved(jacobian: Vector, error: Vector) -> Vector:
+    """Return J⁻¹ e (..., 2, 6): NaN where J is singular, which must not stop other worlds."""
     try:
-        step[worlds] = np.linalg.solve(jacobian, error[..., np.newaxis])[..., 0]
+        return np.asarray(np.linalg.solve(jacobian, error[..., np.newaxis])[..., 0])
     except np.linalg.LinAlgError:
         found = np.full(error.shape, np.nan)
         for at in np.ndindex(error.shape[:-1]):
             if np.linalg.matrix_rank(jacobian[at]) == _POSE:
                 found[at] = np.linalg.solve(jacobian[at], error[at])
-        step[worlds] = found
-    return step
+        return found

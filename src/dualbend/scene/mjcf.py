@@ -1,11 +1,13 @@
 """What the MuJoCo specifications of cell, sheet and bed share."""
 
 import math
+from collections.abc import Iterable
 from typing import Final
 
 import mujoco
 
 from dualbend.beam.sheet import Sheet
+from dualbend.types import Reals
 
 BOX: Final = mujoco.mjtGeom.mjGEOM_BOX
 
@@ -21,6 +23,20 @@ SITE: Final = {"group": 4, "size": [0.003] * 3}
 def about_z(angle_rad: float) -> tuple[float, float, float, float]:
     """Return the quaternion (w, x, y, z) of a turn about z."""
     return math.cos(angle_rad / 2), 0.0, 0.0, math.sin(angle_rad / 2)
+
+
+def about_zyx(cosines: Iterable[Reals], sines: Iterable[Reals]) -> tuple[Reals, ...]:
+    """Return the quaternion w, x, y, z of R_z(yaw) R_y(pitch) R_x(roll).
+
+    Of the cosines and sines of half the roll, pitch and yaw, numbers or arrays.
+    """
+    (cr, cp, cy), (sr, sp, sy) = cosines, sines
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
 
 
 def add_floor_and_sky(spec: mujoco.MjSpec, conaffinity: int = 0) -> None:

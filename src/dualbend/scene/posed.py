@@ -7,11 +7,14 @@ from typing import Protocol
 
 import mujoco
 import numpy as np
-from mujoco.batch import MODEL_FIELDS
+from mujoco.batch import MODEL_FIELDS, Batch
+from numpy.typing import NDArray
 
-from dualbend.types import SIDES, Mask, Vector
+from dualbend.types import SIDES, Vector
 
 _POSE = 6
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+"""Coordinates of which a cross product is made."""
 
 
 class Posed(Protocol):
@@ -20,11 +23,10 @@ class Posed(Protocol):
     def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """Return places (..., sites, 3) and axes (..., sites, 9) of the sites in the world."""
 
-    def jacobian(self, worlds: Mask) -> Vector:
+    def jacobian(self) -> Vector:
         """Return that of the first site of each arm (..., 2, 6, 6), where they were placed.
 
-        Translation and rotation in the world, by the own arm's six joints; of the others than the
-        named worlds (...) it is 0.
+        Translation and rotation in the world, by the own arm's six joints.
         """
 
     def coriolis(self, q: Vector, speed: Vector) -> Vector:
@@ -35,102 +37,104 @@ class PosedArms:
     """One pair of arms; ``sites``: one of each arm, left and right, and any others."""
 
     def __init__(self, robots: mujoco.MjModel, sites: Sequence[str]) -> None:
-        self.model = weightless(robots)
-        self.data = mujoco.MjData(self.model)
+        self._model = moving_only(robots)
+        self._data = mujoco.MjData(self._model)
         self._sites = np.array([robots.site(name).id for name in sites])
         self._jacobians = np.zeros((len(SIDES), _POSE, robots.nv))
         self._torque = np.empty(robots.nv)
-        self._placed = b""
+        self._placed, self._frames = b"", (np.empty(0), np.empty(0))
 
     def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """As :class:`Posed` has it; a cycle asks several times at the same angles."""
         if (at := q.tobytes()) != self._placed:
-            self._placed = at
-            self.place(q)
-        return self.read()
+            data, sites, self._placed = self._data, self._sites, at
+            data.qpos[:] = q
+            mujoco.mj_kinematics(self._model, data)
+            self._frames = data.site_xpos.take(sites, axis=0), data.site_xmat.take(sites, axis=0)
+        return self._frames
 
-    def jacobian(self, worlds: Mask) -> Vector:
+    def jacobian(self) -> Vector:
         """As :class:`Posed` has it."""
-        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_comPos(self._model, self._data)
         for whole, site in zip(self._jacobians, self._sites, strict=False):
-            mujoco.mj_jacSite(self.model, self.data, whole[:3], whole[3:], site)
+            mujoco.mj_jacSite(self._model, self._data, whole[:3], whole[3:], site)
         left, right = self._jacobians
         return np.stack((left[:, :_POSE], right[:, _POSE:]))
 
     def coriolis(self, q: Vector, speed: Vector) -> Vector:
         """As :class:`Posed` has it."""
         self.frames(q)
-        return self.torque(speed).copy()
-
-    def place(self, q: Vector) -> None:
-        """Place the arms at joint angles (n,)."""
-        self.data.qpos[:] = q
-        mujoco.mj_kinematics(self.model, self.data)
-
-    def read(
-        self, places: Vector | None = None, axes: Vector | None = None
-    ) -> tuple[Vector, Vector]:
-        """Return places (sites, 3) and axes (sites, 9), in given arrays or in new ones."""
-        data = self.data
-        return (
-            data.site_xpos.take(self._sites, axis=0, out=places),
-            data.site_xmat.take(self._sites, axis=0, out=axes),
-        )
-
-    def torque(self, speed: Vector) -> Vector:
-        """Return the torques (n,) [N m] of Coriolis and centrifugal forces where it was placed."""
-        self.data.qvel[:] = speed
-        mujoco.mj_comPos(self.model, self.data)
-        mujoco.mj_comVel(self.model, self.data)
-        mujoco.mj_rne(self.model, self.data, 0, self._torque)
-        return self._torque
+        self._data.qvel[:] = speed
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_comVel(self._model, self._data)
+        mujoco.mj_rne(self._model, self._data, 0, self._torque)
+        return self._torque.copy()
 
 
 class PosedWorlds:
-    """The pairs of arms of n worlds of one structure, one after the other in one place of memory.
+    """The pairs of arms of n worlds of one structure, each to the bit as :class:`PosedArms` is.
 
-    What has not moved since is not computed again.
+    On so many ``threads``; worlds that have not moved since are not computed again.
     """
 
-    def __init__(self, robots: Sequence[mujoco.MjModel], sites: Sequence[str]) -> None:
-        self._arms = PosedArms(robots[0], sites)
-        model, names = self._arms.model, differing(robots)
-        names = [name for name in names if name not in _NOT_OF_A_MOTION]
-        self._numbers = [
-            [(getattr(model, name), getattr(one, name)) for name in names] for one in robots
-        ]
-        self._q = np.full((len(robots), len(self._arms.data.qpos)), np.nan)
-        self._places, self._axes = (np.array([part] * len(robots)) for part in self._arms.read())
+    def __init__(
+        self, robots: Sequence[mujoco.MjModel], sites: Sequence[str], threads: int = 1
+    ) -> None:
+        model = moving_only(robots[0])
+        self._data = data = Batch(model, len(robots), threads)
+        for name in differing(robots):
+            if name not in _NOT_OF_A_MOTION:
+                data.expand(name)[:] = [getattr(one, name) for one in robots]
+        self._sites = np.array([model.site(name).id for name in sites])
+        self._arms = self._sites[: len(SIDES)]
+        self._roots = model.body_rootid[model.site_bodyid[self._arms]]
+        self._places, self._axes = data.bind("site_xpos"), data.bind("site_xmat")
+        self._twists, self._centres = data.bind("cdof"), data.bind("subtree_com")
+        self._torque: Vector = data.bind("qfrc_bias")
+        self._q, self._speed = np.full(data.qpos.shape, np.nan), np.empty(0)
+        self._frames = np.empty(0), np.empty(0)
 
     def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """As :class:`Posed` has it."""
-        moved = np.any(q != self._q, axis=-1)
-        if moved.any():
-            self._q = q.copy()
-            for world in np.flatnonzero(moved).tolist():
-                self._place(world).read(self._places[world], self._axes[world])
-        return self._places, self._axes
+        moved = q != self._q
+        if np.count_nonzero(moved):
+            worlds = None if moved.all() else np.flatnonzero(moved.any(axis=-1))
+            self._speed = np.empty(0)
+            self._place(q, mujoco.mjtStage.mjSTAGE_POS, worlds)
+        return self._frames
 
-    def jacobian(self, worlds: Mask) -> Vector:
-        """As :class:`Posed` has it."""
-        found = np.zeros((len(self._q), len(SIDES), _POSE, _POSE))
-        for world in np.flatnonzero(worlds).tolist():
-            found[world] = self._place(world).jacobian(worlds)
+    def jacobian(self) -> Vector:
+        """As :class:`Posed` has it, and as ``mj_jac`` computes it.
+
+        A joint moves its subtree's centre of mass by (ω, v), and a point that lies off it by r by
+        v + ω × r.
+        """
+        off = self._places.take(self._arms, axis=1) - self._centres.take(self._roots, axis=1)
+        r = off[..., np.newaxis]
+        twists = self._twists.reshape(-1, len(SIDES), _POSE, _POSE).mT
+        found = np.empty(twists.shape)
+        moves, turns = found[..., :3, :], found[..., 3:, :]
+        turns[:] = twists[..., :3, :]
+        crossed = turns.take(_NEXT, axis=-2) * r.take(_LAST, axis=-2)
+        crossed -= turns.take(_LAST, axis=-2) * r.take(_NEXT, axis=-2)
+        np.add(twists[..., 3:, :], crossed, out=moves)
         return found
 
     def coriolis(self, q: Vector, speed: Vector) -> Vector:
-        """As :class:`Posed` has it."""
-        self.frames(q)
-        torque = np.empty_like(speed)
-        for world, v in enumerate(speed):
-            torque[world] = self._place(world).torque(v)
-        return torque
+        """As :class:`Posed` has it; the frames at these angles come with it."""
+        if not (np.array_equal(q, self._q) and np.array_equal(speed, self._speed)):
+            self._speed = self._data.qvel[:] = speed.copy()
+            self._place(q, mujoco.mjtStage.mjSTAGE_VEL)
+        return self._torque.copy()
 
-    def _place(self, world: int) -> PosedArms:
-        for own, number in self._numbers[world]:
-            own[...] = number
-        self._arms.place(self._q[world])
-        return self._arms
+    def _place(
+        self, q: Vector, stage: mujoco.mjtStage, worlds: NDArray[np.int_] | None = None
+    ) -> None:
+        """Place some worlds; None: all."""
+        self._q = self._data.qpos[:] = q.copy()
+        self._data.forward(worlds, stage)
+        sites = self._sites
+        self._frames = self._places.take(sites, axis=1), self._axes.take(sites, axis=1)
 
 
 _NOT_OF_A_MOTION = ("body_invweight0", "dof_invweight0", "dof_M0", "actuator_acc0", "dof_length")
@@ -149,8 +153,10 @@ def differing(models: Sequence[mujoco.MjModel]) -> list[str]:
     ]
 
 
-def weightless(robots: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy without gravity."""
+def moving_only(robots: mujoco.MjModel) -> mujoco.MjModel:
+    """Return a copy that has no weight, touches nothing and is not held at its joints' limits."""
     model = robots.__copy__()
     model.opt.gravity[:] = 0.0
+    disabled = mujoco.mjtDisableBit
+    model.opt.disableflags |= int(disabled.mjDSBL_CONTACT | disabled.mjDSBL_CONSTRAINT)
     return model

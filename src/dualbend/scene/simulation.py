@@ -12,6 +12,7 @@ from dualbend.arm.pair import arm_joints
 from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.scene.cell import PAD_SITE, PAD_WIDTH_M, GraspConfig, harden_holds
 from dualbend.scene.contacts import UnintendedContacts
+from dualbend.scene.mjcf import about_zyx
 from dualbend.scene.observation import Observation, Observer, SensorSample
 from dualbend.scene.samples import SampleLine
 from dualbend.scene.sheet.model import SheetModel, StripModel
@@ -77,7 +78,7 @@ class Simulation:
         self.bend_stiffness = self.sheet.bend_stiffness
         """Moment over bending angle [N m/rad]."""
         self.observer = Observer(model, grasp, self.sheet, self._q, self.dofs)
-        self._pads = [model.site(f"{side}_{PAD_SITE}").id for side in SIDES]
+        self.pads = [model.site(f"{side}_{PAD_SITE}").id for side in SIDES]
         self.sliding = (
             None if grasp.friction is None else SlidingGrips(model, self.data, grasp, width_m)
         )
@@ -178,16 +179,11 @@ class Simulation:
         if self.sliding is not None:
             errors = errors + self.sliding.offset
         # A site that was compiled onto its body's frame would stay there whatever its place says.
-        self.model.site_sameframe[self._pads] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        self.model.site_sameframe[self.pads] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         cosines, sines = np.cos(errors[:, 3:] / 2), np.sin(errors[:, 3:] / 2)
-        self.model.site_pos[self._pads] = errors[:, :3]
-        for pad, (cr, cp, cy), (sr, sp, sy) in zip(self._pads, cosines, sines, strict=True):
-            self.model.site_quat[pad] = (
-                cr * cp * cy + sr * sp * sy,
-                sr * cp * cy - cr * sp * sy,
-                cr * sp * cy + sr * cp * sy,
-                cr * cp * sy - sr * sp * cy,
-            )
+        self.model.site_pos[self.pads] = errors[:, :3]
+        for pad, cosine, sine in zip(self.pads, cosines, sines, strict=True):
+            self.model.site_quat[pad] = about_zyx(cosine, sine)
 
     def advance(self, setpoints: Vector) -> SensorSample:
         """Run one command cycle on ``setpoints`` (steps, n) [rad], one row a physics step.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dualbend.batch.gpu.physics import WarpPhysics
 from dualbend.run.cell import RobotCell
@@ -53,9 +54,10 @@ class DevicePhysics:
         data = self._warp.observe()
         return self.observer.observation(data, self.observer.pad_loads(data))
 
-    def displace(self, world: int, errors: Vector) -> None:
+    def displace(self, worlds: NDArray[np.int_], errors: Vector) -> None:
         """As :meth:`dualbend.batch.physics.CpuPhysics.displace`."""
-        self._warp.displace(world, errors)
+        for world, own in zip(worlds.tolist(), errors, strict=True):
+            self._warp.displace(world, own)
 
     def advance(self, setpoints: Vector, active: Mask) -> SensorSample:
         """As :meth:`dualbend.batch.physics.CpuPhysics.advance`."""
