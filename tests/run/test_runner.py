@@ -427,10 +427,10 @@ def test_the_labels_are_the_joints_of_left_and_right() -> None:
 def test_any_warning_counter_fails_the_run() -> None:
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     data = mujoco.MjData(model)
-    refuse_warnings(data)
+    refuse_warnings(data.warning.number)
     data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number = 2
     with pytest.raises(SimulationFailed, match=r"BADQACC.*2"):
-        refuse_warnings(data)
+        refuse_warnings(data.warning.number)
 
 
 def test_a_sheet_above_its_ends_has_snapped() -> None:

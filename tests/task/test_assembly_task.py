@@ -554,8 +554,10 @@ def test_a_hole_around_the_tip_of_a_pin_that_is_too_thick_is_told_at_once(share:
     assert len(attempts(world.goals, "seat middle")) == 1
 
 
-def test_a_middle_that_is_held_as_low_but_has_a_holes_play_is_searched_for() -> None:
-    world = World(make(FEW), middle_at=lambda _: False, tip_m=0.4 * HEIGHT)
+def test_a_middle_that_is_held_as_low_but_turns_on_one_pin_alone_is_searched_for() -> None:
+    world = World(
+        make(FEW), middle_at=lambda _: False, tip_m=0.4 * HEIGHT, alone={"seat middle": 1.0}
+    )
     assert "did not find their pins in 5 attempts" in stopped(world)
 
 
