@@ -62,3 +62,25 @@ def test_a_set_point_misses_its_pose_by_no_more_than_it_tells() -> None:
         there, turned = truly.frames(found.q)
         assert np.abs(there - places).max() <= told[0] + 1e-15
         assert np.abs(turned - axes).max() <= told[1] + 2e-15
+
+
+def test_a_set_point_alone_is_the_one_among_many() -> None:
+    """To the bit: near and far, at the joints' limits, out of reach, singular, without a pose."""
+    model, rng = robots(), np.random.default_rng(2)
+    far = np.logspace(-12, 0.3, 40)[:, np.newaxis]
+    starts = np.concatenate(
+        [np.tile(q, (40, 1)) for q in (HOME, model.jnt_range[:, 0], 0.0 * HOME)]
+    )
+    of_turns = rng.uniform(-1.0, 1.0, starts.shape) * np.tile(far, (3, 1))
+    alone, many = PosedArms(model, GRIPS), PosedWorlds([model] * len(starts), GRIPS)
+    places, axes = (part.copy() for part in many.frames(starts + of_turns))
+    places[3], places[5, 1] = 50.0, np.nan
+    axes = axes.reshape(-1, 2, 3, 3)
+    together = PoseCorrection(model, many).solve(places, axes, starts)
+    one = PoseCorrection(model, alone)
+    for i, target in enumerate(zip(places, axes, starts, strict=True)):
+        found = one.solve(*target)
+        for name in ("q", "position_residual_m", "rotation_residual_rad", "iterations"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(together, name)[i])
+    assert 0 < np.count_nonzero(together.reached) < len(starts)
+    assert together.iterations.max() > 3

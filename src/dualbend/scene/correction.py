@@ -62,15 +62,14 @@ class PoseCorrection:
         A world that is not reached (a joint's limit, a singular pose) has its last angles. Its
         residuals are bounds from above where the last step was too short to need a look.
         """
+        if start.ndim == 1:
+            return self._solve_one(places, axes, start)
         q, steps = start, np.zeros(start.shape[:-1], dtype=np.int_)
         left = np.ones(start.shape[:-1], dtype=np.bool_)
-        residual, transposed = np.empty((*start.shape[:-1], 2)), axes.mT.copy()
+        residual, halves = np.empty((*start.shape[:-1], 2)), _halves(axes)
         for step in range(_MAX_STEPS + 1):
-            error = self._error(q, places, transposed)
-            # Of places and turns, the worse arm's of either.
-            squares = error * error
-            squares = squares[..., ::3] + squares[..., 1::3] + squares[..., 2::3]
-            found = np.sqrt(np.maximum(squares[..., 0, :], squares[..., 1, :]))
+            error = self._error(q, places, halves)
+            found = _residuals(error)
             np.copyto(residual, found, where=left[..., np.newaxis])
             left = left & (np.maximum(found[..., 0], found[..., 1]) > _RESTS)
             if step == _MAX_STEPS or not np.count_nonzero(left):
@@ -82,7 +81,7 @@ class PoseCorrection:
                 left = left & inside.all(axis=-1)
             q = moved if left.all() else np.where(left[..., np.newaxis], moved, q)
             steps += left
-            at_most = _CURVATURE * np.einsum("...i,...i->...", turns, turns)
+            at_most = _left_at_most(turns)
             rests = left & (at_most <= _RESTS)
             if np.count_nonzero(rests):
                 np.copyto(residual, at_most[..., np.newaxis], where=rests[..., np.newaxis])
@@ -96,17 +95,56 @@ class PoseCorrection:
             iterations=steps,
         )
 
-    def _error(self, q: Vector, places: Vector, transposed: Vector) -> Vector:
-        """Return e (..., 2, 6) of axes that are given transposed, R*ᵀ."""
+    def _solve_one(self, places: Vector, axes: Vector, start: Vector) -> IKSolution:
+        """Do the same for one world, whose decisions are plain numbers: half the time."""
+        q, steps, halves = start, 0, _halves(axes)
+        while True:
+            error = self._error(q, places, halves)
+            position, rotation = _residuals(error).tolist()
+            if max(position, rotation) <= _RESTS or steps == _MAX_STEPS:
+                break
+            turns = _solved(self._posed.jacobian(), error).ravel()
+            moved = q + turns
+            if not ((moved > self._lower) & (moved < self._upper)).all():
+                break
+            q, steps, at_most = moved, steps + 1, float(_left_at_most(turns))
+            if at_most <= _RESTS:
+                position = rotation = at_most
+                break
+        return IKSolution(
+            q=q,
+            position_residual_m=position,
+            rotation_residual_rad=rotation,
+            iterations=steps,
+        )
+
+    def _error(self, q: Vector, places: Vector, halves: Vector) -> Vector:
+        """Return e (..., 2, 6) of axes that are given as ½ R*ᵀ."""
         grips, axes = self._posed.frames(q)
         # Σ rᵢ × r*ᵢ is twice the skew part of R* Rᵀ.
-        turns = (axes.reshape(transposed.shape) @ transposed).reshape(axes.shape)
+        turns = (axes.reshape(halves.shape) @ halves).reshape(axes.shape)
         error = np.empty((*places.shape[:-1], _POSE))
         np.subtract(places, grips, out=error[..., :3])
-        skew = error[..., 3:]
-        np.subtract(turns.take(_BELOW, axis=-1), turns.take(_ABOVE, axis=-1), out=skew)
-        skew *= 0.5
+        below, above = turns.take(_BELOW, axis=-1), turns.take(_ABOVE, axis=-1)
+        np.subtract(below, above, out=error[..., 3:])
         return error
+
+
+def _halves(axes: Vector) -> Vector:
+    """Return ½ R*ᵀ (..., 3, 3): halves have the same digits."""
+    return np.multiply(axes.mT, 0.5, order="C")
+
+
+def _residuals(error: Vector) -> Vector:
+    """Return how far places [m] and turns [rad] (..., 2) are off, the worse arm's of either."""
+    of = error.reshape(*error.shape[:-1], 2, 3)
+    squares = np.vecdot(of, of)
+    return np.asarray(np.sqrt(np.maximum(squares[..., 0, :], squares[..., 1, :])))
+
+
+def _left_at_most(turns: Vector) -> Vector:
+    """Return the largest residual (...) [m, rad] after steps (..., n)."""
+    return np.asarray(_CURVATURE * np.vecdot(turns, turns))
 
 
 def grip_frames(pose: Vector, aside: Vector) -> tuple[Vector, Vector]:

@@ -38,28 +38,31 @@ class PosedArms:
 
     def __init__(self, robots: mujoco.MjModel, sites: Sequence[str]) -> None:
         self._model = moving_only(robots)
-        self._data = mujoco.MjData(self._model)
+        self._data = data = mujoco.MjData(self._model)
+        self._q, self._places, self._axes = data.qpos, data.site_xpos, data.site_xmat
         self._sites = np.array([robots.site(name).id for name in sites])
-        self._jacobians = np.zeros((len(SIDES), _POSE, robots.nv))
+        left, right = jacobians = np.zeros((len(SIDES), _POSE, robots.nv))
+        self._jacobians = [
+            (of[:3], of[3:], at) for of, at in zip(jacobians, self._sites.tolist(), strict=False)
+        ]
+        self._own = left[:, :_POSE], right[:, _POSE:]
         self._torque = np.empty(robots.nv)
         self._placed, self._frames = b"", (np.empty(0), np.empty(0))
 
     def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """As :class:`Posed` has it; a cycle asks several times at the same angles."""
         if (at := q.tobytes()) != self._placed:
-            data, sites, self._placed = self._data, self._sites, at
-            data.qpos[:] = q
-            mujoco.mj_kinematics(self._model, data)
-            self._frames = data.site_xpos.take(sites, axis=0), data.site_xmat.take(sites, axis=0)
+            sites, self._placed, self._q[:] = self._sites, at, q
+            mujoco.mj_kinematics(self._model, self._data)
+            self._frames = self._places.take(sites, axis=0), self._axes.take(sites, axis=0)
         return self._frames
 
     def jacobian(self) -> Vector:
         """As :class:`Posed` has it."""
         mujoco.mj_comPos(self._model, self._data)
-        for whole, site in zip(self._jacobians, self._sites, strict=False):
-            mujoco.mj_jacSite(self._model, self._data, whole[:3], whole[3:], site)
-        left, right = self._jacobians
-        return np.stack((left[:, :_POSE], right[:, _POSE:]))
+        for moves, turns, site in self._jacobians:
+            mujoco.mj_jacSite(self._model, self._data, moves, turns, site)
+        return np.array(self._own)
 
     def coriolis(self, q: Vector, speed: Vector) -> Vector:
         """As :class:`Posed` has it."""
