@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Protocol
 
 import mujoco
@@ -37,12 +38,20 @@ class PosedArms:
     """One pair of arms; ``sites``: one of each arm, left and right, and any others."""
 
     def __init__(self, robots: mujoco.MjModel, sites: Sequence[str]) -> None:
-        self._model = moving_only(robots)
-        self._data = mujoco.MjData(self._model)
+        self._robots = robots
         self._sites = np.array([robots.site(name).id for name in sites])
         self._jacobians = np.zeros((len(SIDES), _POSE, robots.nv))
         self._torque = np.empty(robots.nv)
         self._placed, self._frames = b"", (np.empty(0), np.empty(0))
+
+    @cached_property
+    def _model(self) -> mujoco.MjModel:
+        # With its state 0.6 MB, which a world of a batch does not need.
+        return moving_only(self._robots)
+
+    @cached_property
+    def _data(self) -> mujoco.MjData:
+        return mujoco.MjData(self._model)
 
     def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """As :class:`Posed` has it; a cycle asks several times at the same angles."""
