@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 
 import mujoco
 import numpy as np
@@ -30,7 +30,7 @@ from dualbend.run.arm_load import refuse_payload
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.believed import SITES, BelievedArms, Measured
-from dualbend.scene.cell import compose_cell, robots_only, without_looks
+from dualbend.scene.cell import compiled_robots, compose_cell, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.observation import SensorSample, tool_mass_and_centre
 from dualbend.scene.posed import PosedArms
@@ -44,12 +44,6 @@ _TURN_RAD = 1.6
 
 _EVEN = np.array([0.8191725134, 0.6710436067, 0.5497004779])
 """Powers of the root of x⁴ = x + 1: multiples of them fill a cube evenly (Roberts 2018)."""
-
-
-@lru_cache(maxsize=8)
-def _compiled(arms: ArmPair) -> mujoco.MjModel:
-    """Return the arms alone, which the cells of many runs share; nobody writes into them."""
-    return without_looks(robots_only(arms)).compile()
 
 
 class RobotCell:
@@ -71,7 +65,7 @@ class RobotCell:
     def __init__(self, scenario: Scenario, start: Vector, place: Vector | None = None) -> None:
         self.scenario, self.start, self.place = scenario, start, place
         self.arms = arms = arm_pair(scenario)
-        self.robots = robots = _compiled(arms)
+        self.robots = robots = compiled_robots(arms)
         self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)
         self.sheet = scenario.true_sheet
