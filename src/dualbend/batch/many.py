@@ -27,7 +27,8 @@ def run_many(
 ) -> Iterator[tuple[int, RunRecord | Exception]]:
     """Run all, each to the bit as if it were alone; yield the number and record of each as it ends.
 
-    Of a run that raises, the exception takes the place of its record.
+    Of a run that raises, the exception takes the place of its record. ``runs`` that are made one by
+    one, by a generator, need less memory: their states are let go before the next is made.
 
     ``batch``: runs of one batch at most; ``threads`` for their physics. With a ``device``, "cuda"
     or "cpu", the physics of batches is MuJoCo Warp's there, in single precision: what ends early is
