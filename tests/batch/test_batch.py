@@ -224,6 +224,21 @@ def test_a_world_that_stops_ends_as_it_does_alone_and_the_others_go_on() -> None
     assert {record.outcome for record in both} == {"protective_stop"}
 
 
+def test_worlds_have_no_state_of_their_own_and_make_it_again_to_be_run_alone() -> None:
+    """1.1 MB of each; the friction of a joint that sticks is what the cell was compiled with."""
+    sticks = (*SHORT, "imperfections.robot.stiction_excess=0.4", "guard.following_error_rad=1e-4")
+    runs = [made("fig8", *sticks, seed=seed) for seed in (1, 2, 3)]
+    assert runs[0].cell.robots is runs[1].cell.robots
+    records = run_many(runs)
+    found = dict([next(records)])
+    assert not any({"ik", "simulation"} & vars(run.cell).keys() for run in runs[1:])
+    found |= dict(records)
+    for i, record in found.items():
+        assert isinstance(record, RunRecord)
+        assert record.outcome == "protective_stop"
+        assert_same(record, made("fig8", *sticks, seed=i + 1).run())
+
+
 def test_a_world_with_nan_ends_alone() -> None:
     runs = [made("fig8", *NONE, seed=seed) for seed in (1, 2, 3)]
     loop = BatchLoop(runs, threads=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable
 
 import msgspec
 
@@ -37,7 +37,7 @@ def alone(run: Run) -> str:
 
 def structure(run: BendingRun) -> Hashable:
     """Return what runs of one batch have in common."""
-    scenario, model = run.scenario, run.cell.simulation.model
+    scenario, model = run.scenario, run.cell.compiled
     robot, errors = scenario.robot, scenario.imperfections
     sensor = scenario.sensor
     sections = (
@@ -69,7 +69,7 @@ def structure(run: BendingRun) -> Hashable:
     )
 
 
-def grouped(runs: Sequence[Run], largest: int) -> list[list[int]]:
+def grouped(runs: Iterable[Run], largest: int) -> list[list[int]]:
     """Return the numbers of runs that go together, those that go alone by themselves."""
     groups: defaultdict[Hashable, list[int]] = defaultdict(list)
     for index, run in enumerate(runs):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.batch.controllers import ActiveOnly, joined, one_by_one
-from dualbend.batch.physics import CpuPhysics, Physics
+from dualbend.batch.physics import CpuPhysics, Physics, Start
 from dualbend.control.controller import IN_PLANE, ControlledPath, Observation
 from dualbend.control.servo import JointServo
 from dualbend.control.wrist import WristSensors
@@ -52,14 +52,18 @@ class BatchLoop:
         threads: int = 1,
         physics: Callable[[Sequence[RobotCell]], Physics] | None = None,
     ) -> None:
+        starts = []
         for run in runs:
             run.begin()
+            starts.append(Start.of(run.cell.simulation))
+            run.cell.let_go()  # before the next begins: n worlds would need 0.7 MB each
+            del run.trace  # it has rows of the batch's
         self._runs, first, n = runs, runs[0], len(runs)
         scenario, cells = first.scenario, [run.cell for run in runs]
-        shape, robots = (n,), [cell.ik.model for cell in cells]
+        shape, robots = (n,), [cell.robots for cell in cells]
         self._physics: Physics
         self._physics = CpuPhysics(cells, threads) if physics is None else physics(cells)
-        self._sample = self._physics.start()
+        self._sample = self._physics.start(starts)
         self._sensors = WristSensors.stacked([run.sensors for run in runs])
         self._controller = joined([run.path.controller for run in runs])
         self._one_by_one = one_by_one(self._controller)
@@ -212,4 +216,6 @@ class BatchLoop:
         run = self._runs[world]
         run.trace = self.trace.of_world(world, int(self.cycles[world]))
         run.cell.simulation.data.time = self._physics.time_s[world]
-        return run.record("completed", wall_time_s=wall_s)
+        record = run.record("completed", wall_time_s=wall_s)
+        run.cell.let_go()
+        return record

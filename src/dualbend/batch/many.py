@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
-from dualbend.batch.group import grouped
+from dualbend.batch.group import alone, grouped
 from dualbend.batch.loop import BatchLoop
 from dualbend.batch.physics import Physics
 from dualbend.errors import InputError
@@ -27,7 +27,8 @@ def run_many(
 ) -> Iterator[tuple[int, RunRecord | Exception]]:
     """Run all, each to the bit as if it were alone; yield the number and record of each as it ends.
 
-    Of a run that raises, the exception takes the place of its record.
+    Of a run that raises, the exception takes the place of its record. ``runs`` that are made one by
+    one, by a generator, need less memory: their states are let go before the next is made.
 
     ``batch``: runs of one batch at most; ``threads`` for their physics. With a ``device``, "cuda"
     or "cpu", the physics of batches is MuJoCo Warp's there, in single precision: what ends early is
@@ -38,19 +39,29 @@ def run_many(
     """
     if batch < 1:
         raise InputError(f"batch = {batch}: must be at least 1")
-    runs = list(runs)
-    if len({id(run) for run in runs}) < len(runs):
-        raise InputError("runs: one stands twice; each has a cell of its own, make it again")
     physics = _on(device, on_note) if device else None
-    for group in grouped(runs, batch):
-        worlds = [run for run in (runs[i] for i in group) if isinstance(run, BendingRun)]
-        alone = set(group)
+    made: list[Run] = []
+    groups = grouped(_let_go(runs, made), batch)
+    if len({id(run) for run in made}) < len(made):
+        raise InputError("runs: one stands twice; each has a cell of its own, make it again")
+    for group in groups:
+        worlds = [run for run in (made[i] for i in group) if isinstance(run, BendingRun)]
+        left = set(group)
         if len(worlds) > 1:
             for world, record in BatchLoop(worlds, threads, physics).run():
-                alone.remove(group[world])
+                left.remove(group[world])
                 yield group[world], record
-        for i in sorted(alone):
-            yield i, _run(runs[i])
+        for i in sorted(left):
+            yield i, _run(made[i])
+
+
+def _let_go(runs: Iterable[Run], made: list[Run]) -> Iterator[Run]:
+    """Yield runs, note them, and let their cells go before the next is made: they begin again."""
+    for run in runs:
+        made.append(run)
+        yield run
+        if not alone(run):
+            run.cell.let_go()
 
 
 def _run(run: Run) -> RunRecord | Exception:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import NamedTuple, Protocol, Self
 
 import mujoco
 import numpy as np
@@ -16,9 +16,24 @@ from dualbend.run.cell import RobotCell
 from dualbend.scene.mjcf import about_zyx
 from dualbend.scene.observation import Observation, Observer, SensorSample, Source
 from dualbend.scene.posed import differing
+from dualbend.scene.simulation import Simulation
 from dualbend.types import Mask, Vector
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+class Start(NamedTuple):
+    """Where a cell has begun: MuJoCo's state and the oldest sample, wrench and axes."""
+
+    state: Vector
+    sample: tuple[Vector, Vector]
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> Self:
+        """Return where a simulation is."""
+        state = np.empty(mujoco.mj_stateSize(simulation.model, _STATE))
+        mujoco.mj_getState(simulation.model, simulation.data, state, _STATE)
+        return cls(state, simulation.samples.taken)
 
 
 class Physics(Protocol):
@@ -42,8 +57,8 @@ class Physics(Protocol):
     def time_s(self) -> Vector:
         """Time of each world (n,) [s]."""
 
-    def start(self) -> SensorSample:
-        """Begin where the cells are; return the first samples."""
+    def start(self, starts: Sequence[Start]) -> SensorSample:
+        """Begin where the cells began; return the first samples."""
 
     def observe(self, active: Mask) -> Observation:
         """Return what is observed at the start of a cycle, of the active worlds (n,)."""
@@ -62,11 +77,11 @@ class CpuPhysics:
     """
 
     def __init__(self, cells: Sequence[RobotCell], threads: int) -> None:
-        self._cells, first = cells, cells[0].simulation
+        first = cells[0].simulation
         self.observer, self._samples = first.observer, first.samples
-        self._steps, self._dofs = first.steps, first.dofs
+        self._steps, self._dofs, self._pads = first.steps, first.dofs, first.pads
         self.data = Batch(first.model, len(cells), threads)
-        models = [cell.simulation.model for cell in cells]
+        models = [cell.compiled for cell in cells]
         for name in differing(models):
             field = self.data.expand(name)
             for row, model in zip(field, models, strict=True):
@@ -76,27 +91,26 @@ class CpuPhysics:
         for name in ("qfrc_bias", "qfrc_gravcomp"):
             self.data.bind(name)
         self._ctrl, self._touching = self.data.bind("ctrl"), self.data.bind("ncon")
-        self._stiffness = np.stack([cell.simulation.actuator_stiffness for cell in cells])
+        joints = len(self._dofs)
+        self._stiffness = -np.array([model.actuator_biasprm[:joints, 1] for model in models])
         self._friction: Stribeck | None = None
         laws = [cell.friction_law for cell in cells if cell.friction_law is not None]
         if laws:
-            speeds = self.data.bind("qvel")
-            self._friction = Stribeck.stacked(laws, self.data.expand("dof_frictionloss"), speeds)
+            self._friction = Stribeck.stacked(laws, self.data.expand("dof_frictionloss"))
+            self._speeds = self.data.bind("qvel")[:, self._friction.span]
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
         self._failed: Mask = np.zeros(len(cells), dtype=np.bool_)
 
-    def start(self) -> SensorSample:
-        """Take over where the cells are; return the first samples."""
+    def start(self, starts: Sequence[Start]) -> SensorSample:
+        """As :class:`Physics` has it."""
         states = self.data.state
-        for state, cell in zip(states, self._cells, strict=True):
-            mujoco.mj_getState(cell.simulation.model, cell.simulation.data, state, _STATE)
+        states[:] = [start.state for start in starts]
         # The first observation tells the torques of the start, which no step has computed yet.
         begun = states.copy()
         self.data.forward()
         self._torque = self.data.qfrc_actuator[:, self._dofs]
         states[:] = begun
-        samples = [cell.simulation.samples.taken for cell in self._cells]
-        wrench, rotation = (np.stack(part) for part in zip(*samples, strict=True))
+        wrench, rotation = (np.stack([start.sample[i] for start in starts]) for i in range(2))
         return self._samples.reset((wrench, rotation))
 
     @property
@@ -117,7 +131,7 @@ class CpuPhysics:
 
     def displace(self, worlds: NDArray[np.int_], errors: Vector) -> None:
         """As :meth:`dualbend.scene.simulation.Simulation.displace_grasps` does it in one."""
-        at, half = np.ix_(worlds, self._cells[0].simulation.pads), errors[..., 3:] / 2
+        at, half = np.ix_(worlds, self._pads), errors[..., 3:] / 2
         self.data.expand("site_pos")[at] = errors[..., :3]
         turns = (np.moveaxis(part, -1, 0) for part in (np.cos(half), np.sin(half)))
         self.data.expand("site_quat")[at] = np.stack(about_zyx(*turns), axis=-1)
@@ -142,7 +156,7 @@ class CpuPhysics:
                 self._roll(control[:, done : done + steps], active & ~self._failed)
             done += steps
             if self._friction is not None:
-                self._friction.on_step()
+                self._friction.on_step(self._speeds)
             if self._samples.passed(steps):
                 self._samples.take(self.observer.sample(data))
         # Positions and speeds do not tell what the last step's torques were.

@@ -178,13 +178,11 @@ class Stribeck:
     follows the speed from one physics step to the next.
     """
 
-    def __init__(
-        self, config: RobotErrors, model: mujoco.MjModel, data: mujoco.MjData, dofs: Vector
-    ) -> None:
+    def __init__(self, config: RobotErrors, model: mujoco.MjModel, dofs: Vector) -> None:
         # Python in every physics step: in place, on views of one span of joints. What else lies in
         # it keeps its friction.
-        self._span = span = slice(dofs.min(), dofs.max() + 1)
-        self._level, self._speed = model.dof_frictionloss[span], data.qvel[span]
+        self.span = span = slice(dofs.min(), dofs.max() + 1)
+        self._level = model.dof_frictionloss[span]
         self._coulomb, self._excess = self._level.copy(), np.zeros_like(self._level)
         mine = dofs - span.start
         self._excess[mine] = config.stiction_excess * self._coulomb[mine]
@@ -192,19 +190,19 @@ class Stribeck:
         self._exponent = np.full(self._level.shape, exponent)
 
     @classmethod
-    def stacked(cls, many: Sequence[Stribeck], levels: Vector, speeds: Vector) -> Stribeck:
-        """Return that of many worlds; their friction and speeds (worlds, nv) are where they act."""
+    def stacked(cls, many: Sequence[Stribeck], levels: Vector) -> Stribeck:
+        """Return that of many worlds; their friction (worlds, nv) is where it acts."""
         joined = stacked(many, "_coulomb", "_excess", "_exponent")
-        joined._level, joined._speed = levels[:, joined._span], speeds[:, joined._span]
+        joined._level = levels[:, joined.span]
         return joined
 
     def rest(self) -> None:
         """Let all joints be at rest."""
         self._level[:] = self._coulomb + self._excess
 
-    def on_step(self) -> None:
-        """Follow the speeds after a physics step."""
-        level, speed = self._level, self._speed
+    def on_step(self, speed: Vector) -> None:
+        """Follow the speeds (..., n), of the ``span`` of joints, after a physics step."""
+        level = self._level
         np.multiply(speed, speed, level)
         np.multiply(level, self._exponent, level)
         np.exp(level, level)

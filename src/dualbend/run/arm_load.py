@@ -31,7 +31,7 @@ def refuse_overload(
     first piece at the grip must stay below every joint's torque limit. Weights alone are compared
     with the rated payload. InputError names the arm, the joint and both numbers.
     """
-    data = mujoco.MjData(robots)
+    data, load = mujoco.MjData(robots), sheet_load(scenario)
     for side, placed in zip(SIDES, arms, strict=True):
         carried = scenario.task.carried_share * scenario.sheet.sheet().mass_kg
         refuse_payload(robots, side, placed.model, carried, "its share of the sheet")
@@ -40,7 +40,7 @@ def refuse_overload(
         for q in poses:
             data.qpos[:] = q
             mujoco.mj_forward(robots, data)
-            asked = np.abs(_held(robots, data, side, sheet_load(scenario)))[:, arms.joints(side)]
+            asked = np.abs(_held(robots, data, side, load))[:, arms.joints(side)]
             needed = np.maximum(needed, asked.max(axis=0))
             if placed.model.name != PUMA:
                 _refuse_contact(robots, data)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 
 import mujoco
 import numpy as np
@@ -30,7 +30,7 @@ from dualbend.run.arm_load import refuse_payload
 from dualbend.run.arms import arm_pair, joint_stiffness
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.believed import SITES, BelievedArms, Measured
-from dualbend.scene.cell import compose_cell, robots_only, without_looks
+from dualbend.scene.cell import compiled_robots, compose_cell, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.observation import SensorSample, tool_mass_and_centre
 from dualbend.scene.posed import PosedArms
@@ -53,41 +53,25 @@ class RobotCell:
     ``place``: where these frames are carried to at the start, (4,) as
     :func:`dualbend.scene.ik.carried_targets` has it; None: nowhere. InputError where the start is
     out of reach.
+
+    Attributes
+    ----------
+    robots, compiled : models of the arms as the controller believes them and of the whole cell
+    positions : of the physics (nq,), which :meth:`reset` put it in
     """
+
+    positions: Vector
 
     def __init__(self, scenario: Scenario, start: Vector, place: Vector | None = None) -> None:
         self.scenario, self.start, self.place = scenario, start, place
         self.arms = arms = arm_pair(scenario)
-        robots = without_looks(robots_only(arms)).compile()
-        self.ik = InverseKinematics(robots, arms.home)
+        self.robots = robots = compiled_robots(arms)
         self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)
-        step_s = scenario.step_s
-        config = scenario.sheet
         self.sheet = scenario.true_sheet
-        model = without_looks(self._compose(looks=False)).compile()
-        self.simulation = Simulation(
-            model,
-            scenario.grasp,
-            config.model
-            if isinstance(config.model, StripConfig)
-            else ShellModel(model, self.sheet, config.model),
-            latency_steps=scenario.sensor.latency_steps(step_s),
-            sampling_steps=scenario.sensor.sampling_steps(step_s),
-            width_m=self.sheet.width_m,
-            period_s=scenario.period_s,
-        )
-        errors, simulation = scenario.imperfections.robot, self.simulation
-        believed = BelievedArms(PosedArms(robots, SITES))
-        self.measured = Measured(
-            simulation.observer, simulation.data, believed if errors.displaces else None
-        )
-        if errors.weighs_wrong:
-            simulation.fed_forward = believed.coriolis
+        self.compiled = without_looks(self._compose(looks=False)).compile()
+        self._believed = BelievedArms(PosedArms(robots, SITES))
         self.friction_law: Stribeck | None = None
-        if errors.stiction_excess:
-            self.friction_law = Stribeck(errors, model, simulation.data, simulation.dofs)
-            simulation.on_step.append(self.friction_law.on_step)
         self.integral = make_integral(scenario, robots)
         self.friction = FrictionEstimate(
             scenario.robot.servo.friction_estimate,
@@ -106,6 +90,46 @@ class RobotCell:
         """Joint angles (n,) that the servos are sent to at the start of a cycle [rad]."""
         self.calibrations = self._calibrated()
         """By side; empty where none is asked for."""
+
+    @cached_property
+    def ik(self) -> InverseKinematics:
+        """Inverse kinematics of the arms as the controller believes them."""
+        return InverseKinematics(self.robots, self.arms.home)
+
+    @cached_property
+    def simulation(self) -> Simulation:
+        """The physics."""
+        scenario, model, config = self.scenario, self.compiled, self.scenario.sheet.model
+        simulation = Simulation(
+            model,
+            scenario.grasp,
+            config if isinstance(config, StripConfig) else ShellModel(model, self.sheet, config),
+            latency_steps=scenario.sensor.latency_steps(scenario.step_s),
+            sampling_steps=scenario.sensor.sampling_steps(scenario.step_s),
+            width_m=self.sheet.width_m,
+            period_s=scenario.period_s,
+        )
+        errors, data = scenario.imperfections.robot, simulation.data
+        if errors.weighs_wrong:
+            simulation.fed_forward = self._believed.coriolis
+        if errors.stiction_excess:
+            # Once: it overwrites the friction that the model was compiled with.
+            law = self.friction_law or Stribeck(errors, model, simulation.dofs)
+            self.friction_law = law
+            simulation.on_step.append(partial(law.on_step, data.qvel[law.span]))
+        return simulation
+
+    @cached_property
+    def measured(self) -> Measured:
+        """Where the grips are by the encoders."""
+        errors, simulation = self.scenario.imperfections.robot, self.simulation
+        believed = self._believed if errors.displaces else None
+        return Measured(simulation.observer, simulation.data, believed)
+
+    def let_go(self) -> None:
+        """Let go of MuJoCo's states, 1.1 MB; what is asked for again is made anew, to be reset."""
+        for name in ("ik", "simulation", "measured"):
+            vars(self).pop(name, None)
 
     def _compose(self, *, looks: bool) -> mujoco.MjSpec:
         scenario = self.scenario
@@ -159,11 +183,13 @@ class RobotCell:
         sheet = self.scenario.sheet
         arcs = np.linspace(0.0, sheet.length_m, sheet.model.sections + 1)
         _, _, slopes = elastica.shape(float(self.start[2]), sheet.length_m, arcs)
+        simulation = self.simulation
         self.rest()
         middle = np.array([0.0, 0.0, self.scenario.cell.sheet_height_m])
         ends = self.sheet.thickness_at(np.array([0.0, sheet.length_m]))
-        simulation, opening = self.simulation, float(ends.max()) / 2
-        return simulation.reset(simulation.positions(self.home, opening, slopes, middle))
+        opening = float(ends.max()) / 2
+        self.positions = simulation.positions(self.home, opening, slopes, middle)
+        return simulation.reset(self.positions)
 
     def rest(self) -> None:
         """Let response and servos be at rest in the start."""

@@ -139,7 +139,7 @@ class Run:
         return TraceRecorder(
             rows,
             self.sensors.arms,
-            self.cell.simulation.model.nq,
+            self.cell.compiled.nq,
             self.scenario.sheet.model.sections,
             self.cell.arms.slides,
             task_of(self.scenario).part("columns")(self.scenario),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated
 
 import msgspec
@@ -191,6 +192,12 @@ def without_looks(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     bare = spec.copy()
     bare.compiler.discardvisual = True
     return bare
+
+
+@lru_cache(maxsize=8)
+def compiled_robots(arms: ArmPair) -> mujoco.MjModel:
+    """Return :func:`robots_only` compiled, which cells of equal arms share: only to be read."""
+    return without_looks(robots_only(arms)).compile()
 
 
 def harden_holds(model: mujoco.MjModel) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Protocol
 
 import mujoco
@@ -37,9 +38,7 @@ class PosedArms:
     """One pair of arms; ``sites``: one of each arm, left and right, and any others."""
 
     def __init__(self, robots: mujoco.MjModel, sites: Sequence[str]) -> None:
-        self._model = moving_only(robots)
-        self._data = data = mujoco.MjData(self._model)
-        self._q, self._places, self._axes = data.qpos, data.site_xpos, data.site_xmat
+        self._robots = robots
         self._sites = np.array([robots.site(name).id for name in sites])
         left, right = jacobians = np.zeros((len(SIDES), _POSE, robots.nv))
         self._jacobians = [
@@ -49,12 +48,27 @@ class PosedArms:
         self._torque = np.empty(robots.nv)
         self._placed, self._frames = b"", (np.empty(0), np.empty(0))
 
+    @cached_property
+    def _model(self) -> mujoco.MjModel:
+        # With its state 0.6 MB, which a world of a batch does not need.
+        return moving_only(self._robots)
+
+    @cached_property
+    def _data(self) -> mujoco.MjData:
+        return mujoco.MjData(self._model)
+
+    @cached_property
+    def _views(self) -> tuple[Vector, Vector, Vector]:
+        data = self._data
+        return data.qpos, data.site_xpos, data.site_xmat
+
     def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """As :class:`Posed` has it; a cycle asks several times at the same angles."""
         if (at := q.tobytes()) != self._placed:
-            sites, self._placed, self._q[:] = self._sites, at, q
+            sites, (angles, places, axes) = self._sites, self._views
+            self._placed, angles[:] = at, q
             mujoco.mj_kinematics(self._model, self._data)
-            self._frames = self._places.take(sites, axis=0), self._axes.take(sites, axis=0)
+            self._frames = places.take(sites, axis=0), axes.take(sites, axis=0)
         return self._frames
 
     def jacobian(self) -> Vector:

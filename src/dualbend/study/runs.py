@@ -41,14 +41,20 @@ class RunEach(Generic[*Arguments, Row]):
     def many(self, tasks: Sequence[tuple[*Arguments]], **how: Any) -> list[Row]:  # noqa: ANN401
         """Return the rows of many runs, in their order; ``how`` as :func:`run_many` has it."""
         rows: dict[int, Row] = {}
-        made: list[tuple[int, Run]] = []
-        for i, arguments in enumerate(tasks):
-            try:
-                made.append((i, self.make(*arguments)))
-            except Exception as error:  # one bad run must not end the study
-                rows[i] = self.failed(error, *arguments)
-        for at, record in run_many([run for _, run in made], **how):
-            i, _ = made[at]
+        made: list[int] = []
+
+        def ready() -> Generator[Run]:
+            for i, arguments in enumerate(tasks):
+                try:
+                    run = self.make(*arguments)
+                except Exception as error:  # one bad run must not end the study
+                    rows[i] = self.failed(error, *arguments)
+                else:
+                    made.append(i)
+                    yield run
+
+        for at, record in run_many(ready(), **how):
+            i = made[at]
             try:
                 if isinstance(record, Exception):
                     raise record

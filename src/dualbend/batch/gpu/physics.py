@@ -63,11 +63,11 @@ class WarpPhysics:
         self._cells, simulation = cells, cells[0].simulation
         model, n = simulation.model, len(cells)
         self.steps = simulation.steps
-        self._positions = np.array([cell.simulation.data.qpos for cell in cells])
-        self._drives = np.array([cell.simulation.q for cell in cells])
+        self._positions = np.array([cell.positions for cell in cells])
+        self._drives = np.array([cell.home for cell in cells])
         robots = [cell.scenario.imperfections.robot for cell in cells]
         stiction = np.array([(r.stiction_excess, r.stribeck_speed_rad_per_s) for r in robots])
-        models = [cell.simulation.model for cell in cells]
+        models = [cell.compiled for cell in cells]
         self._places = np.array([each.site_pos for each in models])
         self._quats = np.array([each.site_quat for each in models])
         self._displaced = False

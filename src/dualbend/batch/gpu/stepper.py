@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.batch.gpu.physics import WarpPhysics
+from dualbend.batch.physics import Start
 from dualbend.run.cell import RobotCell
 from dualbend.scene.observation import Observation, SensorSample
 from dualbend.types import Mask, Vector
@@ -34,8 +35,9 @@ class DevicePhysics:
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
         self.data = self._warp.data
 
-    def start(self) -> SensorSample:
+    def start(self, starts: Sequence[Start]) -> SensorSample:
         """Put all at rest in their starts; return the first samples."""
+        del starts  # the cells know their positions, at rest
         self._warp.start()
         return self._samples.reset(self._warp.sample(0))
 
