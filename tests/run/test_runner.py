@@ -1,5 +1,6 @@
 """The loop: repeatable, symmetric, balanced, stopped for a reason, and honest about time."""
 
+import pickle
 import warnings
 from functools import cache
 from pathlib import Path
@@ -422,6 +423,14 @@ def test_the_worst_joint_is_the_one_that_is_named() -> None:
 
 def test_the_labels_are_the_joints_of_left_and_right() -> None:
     assert prepare().cell.simulation.joints == JOINT_LABELS
+
+
+def test_a_record_of_a_run_in_memory_goes_through_a_pickle() -> None:
+    """A pool of processes returns it; its model is compiled there, without the run's state."""
+    result = run()
+    found = pickle.loads(pickle.dumps(result))
+    np.testing.assert_array_equal(found["left_true_moment_y"], result["left_true_moment_y"])
+    assert found.model.nq == prepare().cell.compiled.nq
 
 
 def test_any_warning_counter_fails_the_run() -> None:

@@ -116,6 +116,10 @@ def test_the_friction_of_the_start_stays_that_of_all_sheets() -> None:
     series = Series(short(*FRICTION), known)
     bent(series, 1)
     assert series.learned().friction_ratio == known.friction_ratio
+    # Another cell has another friction: it is told anew.
+    other = Series(msgspec.structs.replace(short(*FRICTION), seed=start.seed + 1), known).friction
+    assert other is not None
+    assert other[0] != 0.5
 
 
 @pytest.mark.slow

@@ -66,7 +66,7 @@ def make_book(seed: int = 3) -> tuple[AssemblyRun, RunRecord]:
         outcome="aborted",
         reason="withdraw: made up, at 2 s",
         trace=trace,
-        scene=Scene(compiled=lambda: run.cell.model, bend_stiffness=simulation.bend_stiffness),
+        scene=Scene(compiled=run.cell.with_looks, bend_stiffness=simulation.bend_stiffness),
         simulated_s=0.028 * len(rows),
         wall_time_s=1.0,
     )

@@ -554,11 +554,22 @@ def test_a_hole_around_the_tip_of_a_pin_that_is_too_thick_is_told_at_once(share:
     assert len(attempts(world.goals, "seat middle")) == 1
 
 
-def test_a_middle_that_is_held_as_low_but_turns_on_one_pin_alone_is_searched_for() -> None:
+@pytest.mark.parametrize("share", [0.55, -1.0])
+def test_a_middle_that_is_held_as_low_but_turns_on_one_pin_alone_is_searched_for(
+    share: float,
+) -> None:
     world = World(
-        make(FEW), middle_at=lambda _: False, tip_m=0.4 * HEIGHT, alone={"seat middle": 1.0}
+        make(FEW), middle_at=lambda _: False, tip_m=0.4 * HEIGHT, alone={"seat middle": share}
     )
     assert "did not find their pins in 5 attempts" in stopped(world)
+
+
+def test_a_wedge_that_gives_way_is_told_by_both_pins_that_bear_the_turn() -> None:
+    """It has the play of a hole, and the force across is less than half of what one pin makes."""
+    world = World(
+        make(FEW), middle_at=lambda _: False, tip_m=0.4 * HEIGHT, alone={"seat middle": 0.45}
+    )
+    assert stopped(world).endswith("the hole is too small, or the pin too thick")
 
 
 def test_a_turn_finds_the_outer_pins() -> None:

@@ -39,6 +39,20 @@ def test_no_sheet_is_between_the_arms() -> None:
 
 
 def test_arms_that_do_not_get_to_the_end_tell_nothing() -> None:
-    stop = "imperfections.events.arm_stop={side='left',at_s=1.0}"
+    """An arm whose friction is more than the guard lets it lag behind."""
+    stuck = 'imperfections={preset="none",robot={coulomb_ratio=3.0}}'
     with pytest.raises(InputError, match="motion without a sheet ended with protective stop"):
-        rehearsed_friction(short(stop))
+        rehearsed_friction(short(stuck, "guard.following_error_rad=0.001"))
+
+
+def test_what_happens_to_a_sheet_happens_to_none_before_it() -> None:
+    stop = "imperfections.events.arm_stop={side='left',at_s=1.0}"
+    np.testing.assert_array_equal(rehearsed_friction(short(stop)), rehearsed_friction(short()))
+
+
+def test_nothing_complies_without_a_sheet() -> None:
+    """Wrong sensors move arms that comply: by some mrad in a typical cell."""
+    quick = ("path.end_rad=0.2", "motion.settle_s=0.1", "motion.hold_s=0.1")
+    result = Rehearsal(load_scenario("fig8", quick)).run()
+    assert result.outcome == "completed"
+    assert not result["left_deviation_alpha"].any()

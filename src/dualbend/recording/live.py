@@ -206,7 +206,7 @@ def _so_far(run: Run, trace: Trace) -> RunRecord:
         outcome="completed",
         trace=trace,
         scene=Scene(
-            compiled=lambda: run.cell.model, bend_stiffness=run.cell.simulation.bend_stiffness
+            compiled=run.cell.with_looks, bend_stiffness=run.cell.simulation.bend_stiffness
         ),
         simulated_s=trace.rows * run.scenario.period_s,
         wall_time_s=0.0,

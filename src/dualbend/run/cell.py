@@ -23,14 +23,15 @@ from dualbend.control.wrist import WristSensors
 from dualbend.errors import InputError
 from dualbend.imperfection.draws import noise_streams
 from dualbend.imperfection.link import CommandLink
-from dualbend.imperfection.robot import RobotErrors, Stribeck, TrueArms
+from dualbend.imperfection.robot import Stribeck
 from dualbend.imperfection.sensor import ErringSensor, SensorErrors
 from dualbend.imperfection.weighing import weighed
 from dualbend.run.arm_load import refuse_payload
 from dualbend.run.arms import arm_pair, joint_stiffness
+from dualbend.run.true_scene import compiled_with_looks, composed
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.believed import SITES, BelievedArms, Measured
-from dualbend.scene.cell import compiled_robots, compose_cell, without_looks
+from dualbend.scene.cell import compiled_robots, without_looks
 from dualbend.scene.ik import InverseKinematics, carried_targets, grip_targets
 from dualbend.scene.observation import SensorSample, tool_mass_and_centre
 from dualbend.scene.posed import PosedArms
@@ -57,6 +58,7 @@ class RobotCell:
     Attributes
     ----------
     robots, compiled : models of the arms as the controller believes them and of the whole cell
+    with_looks : returns the model with its looks; it keeps nothing of the cell's state
     positions : of the physics (nq,), which :meth:`reset` put it in
     """
 
@@ -69,7 +71,8 @@ class RobotCell:
         self.home = self.reach(start, arms.home, place)
         self.servo = make_servo(scenario, robots, self.home)
         self.sheet = scenario.true_sheet
-        self.compiled = without_looks(self._compose(looks=False)).compile()
+        self.compiled = without_looks(composed(scenario, arms, self.servo, looks=False)).compile()
+        self.with_looks = partial(compiled_with_looks, scenario, arms, self.servo)
         self._believed = BelievedArms(PosedArms(robots, SITES))
         self.friction_law: Stribeck | None = None
         self.integral = make_integral(scenario, robots)
@@ -131,29 +134,10 @@ class RobotCell:
         for name in ("ik", "simulation", "measured"):
             vars(self).pop(name, None)
 
-    def _compose(self, *, looks: bool) -> mujoco.MjSpec:
-        scenario = self.scenario
-        spec = compose_cell(
-            scenario.cell,
-            self.arms,
-            scenario.grasp,
-            self.sheet,
-            scenario.sheet.model,
-            self.servo,
-            scenario.step_s,
-            scenario.task.workplace,
-            scenario.task.laid_sheets,
-            looks=looks,
-        )
-        errors = scenario.imperfections.robot
-        if errors != RobotErrors():
-            TrueArms(errors, self.arms, scenario.seed).write(spec)
-        return spec
-
     @cached_property
     def spec(self) -> mujoco.MjSpec:
         """The whole scene with its looks."""
-        return self._compose(looks=True)
+        return composed(self.scenario, self.arms, self.servo, looks=True)
 
     @cached_property
     def model(self) -> mujoco.MjModel:

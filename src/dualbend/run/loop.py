@@ -239,7 +239,7 @@ class Run:
             outcome=outcome,
             reason=reason,
             trace=self.trace,
-            scene=Scene(compiled=lambda: self.cell.model, bend_stiffness=simulation.bend_stiffness),
+            scene=Scene(compiled=self.cell.with_looks, bend_stiffness=simulation.bend_stiffness),
             simulated_s=float(simulation.data.time),
             wall_time_s=wall_time_s,
             controller=self._controlled_by(),

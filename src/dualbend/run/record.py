@@ -112,6 +112,11 @@ class Scene:
     compiled: Callable[[], mujoco.MjModel]
     bend_stiffness: Vector
 
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """What was compiled."""
+        return self.compiled()
+
 
 @dataclass(frozen=True, kw_only=True)
 class RunRecord:
@@ -206,7 +211,7 @@ class RunRecord:
     @property
     def model(self) -> mujoco.MjModel:
         """The model with its looks."""
-        return self._in_memory.compiled()
+        return self._in_memory.model
 
     @property
     def bend_stiffness(self) -> Vector:

@@ -96,14 +96,16 @@ class Series:
 
     @cached_property
     def friction(self) -> Vector | None:
-        """True over believed friction of all joints (n,), as the start has it or a motion tells.
+        """True over believed friction of all joints (n,), as this cell's start or a motion tells.
 
-        None where the servos do not learn it. InputError where the motion does not go to its end.
+        None where the servos do not learn it. Another cell, of another seed, has another friction.
+        InputError where the motion does not go to its end.
         """
         if self.scenario.robot.servo.friction_estimate is None:
             return None
-        if self._start is not None and self._start.friction is not None:
-            return self._start.friction
+        start = self._start
+        if start is not None and start.seed == self.scenario.seed and start.friction is not None:
+            return start.friction
         return rehearsed_friction(self.scenario_of(1))
 
     @property

@@ -6,6 +6,7 @@ import msgspec
 
 from dualbend.control.compliance.admittance import NoComplianceConfig
 from dualbend.errors import InputError
+from dualbend.imperfection.events import EventsConfig
 from dualbend.run.record import whole
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.observation import SensorSample
@@ -14,7 +15,10 @@ from dualbend.types import Vector
 
 
 class Rehearsal(BendingRun):
-    """Both arms go the scenario's path forth and back without a sheet and without compliance."""
+    """Both arms go the scenario's path forth and back without a sheet and without compliance.
+
+    What happens to a sheet at a time (``imperfections.events``) does not happen before it.
+    """
 
     free = True
 
@@ -24,9 +28,9 @@ class Rehearsal(BendingRun):
             motion = msgspec.structs.replace(motion, return_rad=scenario.path.start_rad)
         path = msgspec.structs.replace(scenario.path, learned=None)
         alone = NoComplianceConfig(sensing=scenario.compliance.sensing)
-        super().__init__(
-            msgspec.structs.replace(scenario, path=path, motion=motion, compliance=alone)
-        )
+        errors = msgspec.structs.replace(scenario.imperfections, events=EventsConfig())
+        parts = {"path": path, "motion": motion, "compliance": alone, "imperfections": errors}
+        super().__init__(msgspec.structs.replace(scenario, **parts))
 
     def start(self) -> SensorSample:
         """Put the arms at rest in the path's start, the sheet away from them."""
