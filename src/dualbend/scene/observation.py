@@ -28,10 +28,9 @@ BENDING_TO_WORLD = np.array([[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0]])
 _INWARD = BENDING_TO_WORLD[:, 0]
 
 # The same for all that one cell has of both ends: no product in the loop broadcasts.
-_OF_PAIRS = np.stack((BENDING_TO_WORLD, BENDING_TO_WORLD))
-_OF_HALVES = _OF_PAIRS.swapaxes(0, 1).copy()
-_OF_SLOPES = np.stack((np.full((2, 2), -1.0), _OF_PAIRS[..., 0]))
-_OF_TURNS = np.stack([np.stack((np.ones((2, 2)), _OF_PAIRS[..., 1]), axis=-1)] * 2)
+_OF_HALVES = np.stack((BENDING_TO_WORLD, BENDING_TO_WORLD), axis=1)
+_OF_ENDS = np.stack((np.ones((2, 2)), np.tile(BENDING_TO_WORLD[:, 1], (2, 1))), axis=-1)
+_OF_TURNS = np.stack((_OF_ENDS, _OF_ENDS))
 
 PLANAR = np.array([0, 2, 3])
 """Which of x, y, z, α of a grip make its planar pose."""
@@ -98,10 +97,8 @@ class Observer:
         self.grips = indices([model.site(f"{side}_{arm.GRIP_SITE}").id for side in SIDES])
         edges = [model.site(name).id for name in (LEFT_END, RIGHT_END)]
         self._ends = indices(np.stack((self.grips, edges)))
-        # Of which two elements of their axes, as nine numbers, the angles of grips and edges are.
-        first = 9 * self._ends
-        self._slopes = indices([first + 6, first])
-        self._turns = indices(np.add.outer(first, [[7, 3], [8, 0]]).transpose(2, 0, 1, 3))
+        # Of which two elements of their axes, as nine numbers, roll and yaw of grips and edges are.
+        self._turns = indices(np.add.outer(9 * self._ends, [[7, 3], [8, 0]]).transpose(2, 0, 1, 3))
         self._sensors = indices([model.site(f"{side}_{arm.FT_SITE}").id for side in SIDES])
         sensors = [model.sensor(f"{side}_{name}") for side in SIDES for name in arm.FT_SENSORS]
         readings = np.add.outer([s.adr[0] for s in sensors], np.arange(3)).reshape(2, 6)
@@ -129,7 +126,8 @@ class Observer:
         halves = load.reshape(*load.shape[:-1], 2, 3)
         wrench = halves @ self.grip_axes(data).mT
         wrench *= _OF_HALVES
-        ends = self._end_poses(data)
+        places, axes = (of.take(self._ends, axis=-2) for of in (data.site_xpos, data.site_xmat))
+        ends = grip_poses(places, axes)
         edge = ends[..., 1, :, :]
         height = 0.5 * (edge[..., 0, 2] + edge[..., 1, 2])
         return Observation(
@@ -141,17 +139,6 @@ class Observer:
             wrench=wrench.reshape(load.shape),
             sag=height - self.sheet.middle_height(data),
         )
-
-    def _end_poses(self, data: Source) -> Vector:
-        """Return x, y, z [m] and α [rad] (..., 2, 2, 4) of grips and edges, as grip_poses has."""
-        places = data.site_xpos.take(self._ends, axis=-2)
-        places *= _OF_PAIRS
-        of = _elements(data.site_xmat, self._slopes)
-        of *= _OF_SLOPES
-        pose = np.empty((*places.shape[:-1], 4))
-        pose[..., :3] = places
-        pose[..., 3] = np.arctan2(of[..., 0, :, :], of[..., 1, :, :])
-        return pose
 
     def grip_axes(self, data: Source) -> Vector:
         """Return the axes of both grips in the world (..., 2, 3, 3)."""
