@@ -76,6 +76,18 @@ def test_worlds_do_what_their_cells_do(preset: str) -> None:
     assert not physics.failed.any()
 
 
+def test_the_holds_of_a_light_sheet_are_not_too_heavy_for_single_precision() -> None:
+    """Of a gram a strip, as in ``exact``: those of ``fig8``'s made the Hessian indefinite."""
+    light = ("length_m=0.4", "width_m=0.057", "thickness_m=0.0005")
+    run = begun("sheet.model.hinges=20", *(f"sheet.{each}" for each in light))
+    physics = WarpPhysics([run.cell], "cpu")
+    physics.start()
+    for cycle in range(CYCLES):
+        physics.observe()
+        physics.advance(moving(run, cycle)[np.newaxis], np.zeros((1, len(run.cell.home))))
+    assert not physics.failed.any()
+
+
 def test_a_world_that_fails_is_named_and_leaves_the_other_its_bits() -> None:
     runs, physics = pair("imperfections=none")
     states = []

@@ -18,12 +18,12 @@ from dualbend.types import Vector
 _MAY_CHANGE = ("site_pos", "site_quat")
 """Fields that get a row for each world because grips may be displaced."""
 
-_HOLD_WEIGHT = 0.02, 2e-6
-"""Mass [kg] and inertia [kg m²] by which MuJoCo is to scale both sides of a hold.
+_HOLD_WEIGHT = 2.0, 10.0
+"""By which mass and inertia MuJoCo is to scale a hold, over those of the lightest body held.
 
-As :func:`dualbend.scene.cell.harden_holds` has them, but in single precision: with holds five times
-harder the solver needs up to 100 iterations a step, with ten times harder ones its Hessian is no
-longer positive definite. The sheet feels no difference above the noise (docs/gpu.md).
+As :func:`dualbend.scene.cell.harden_holds` has them, which single precision cannot bear: with holds
+heavier than 20 and 300 times that body the solver's Hessian is no longer positive definite. The
+sheet feels no difference above the noise (docs/gpu.md), since lighter ones are softer as well.
 """
 
 
@@ -64,8 +64,10 @@ def _accepted(model: mujoco.MjModel) -> mujoco.MjModel:
     accepted.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
     held = accepted.site_bodyid[np.concatenate((accepted.eq_obj1id, accepted.eq_obj2id))]
     # With sparse Jacobians it reads those of the moving bodies that the held ones are fixed to.
-    for bodies in (held, accepted.body_weldid[held]):
-        accepted.body_invweight0[bodies] = np.reciprocal(_HOLD_WEIGHT)
+    moving = accepted.body_weldid[held]
+    lightest = accepted.body_mass[moving].min(), accepted.body_inertia[moving].min()
+    for bodies in (held, moving):
+        accepted.body_invweight0[bodies] = np.reciprocal(np.multiply(_HOLD_WEIGHT, lightest))
     return accepted
 
 
