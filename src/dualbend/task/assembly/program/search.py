@@ -37,7 +37,7 @@ class HolePair:
     target, the holes are not on their pins. ``softness``: motion per force [m/N] or [rad/N].
     Pressed for ``patience_s`` without ``progress``, they come no further. ``yields``: how far a
     force [N] holds them above the coordinate. ``cannot``: what it means that they went ``felt``
-    down at two places, one hole on a pin then, and did not come on; 0: of any end of the search.
+    down at two places, as with one hole on a pin, and did not come on; 0: of any end of the search.
     ``sunk``: height from where on down one of them must be on its pin. ``centre`` (2,) [m] between
     them, about which they turn. ``turning``: share of the least speed in turning with which they
     are sought: holes farther out move as fast as the middle.

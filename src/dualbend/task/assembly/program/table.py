@@ -346,8 +346,9 @@ class AssemblyProgram:
             yields=self.middle.yields,
             sunk=self._seat_z(layer) - self.down_m + _SUNK * pin_m,
             attempts=1 + self.config.search.attempts,
-            cannot="one was on its pin and the other was not, however the sheet was turned: are "
-            "pins and holes as far apart, as thick, as drawn?",
+            cannot="at some places it came down as with one of them on its pin, at none as with "
+            "both: either pins and holes are not as far apart, or as thick, as drawn, or the sheet "
+            "lies farther off than is searched",
             felt=_FELT_M,
             centre=self._middle.centre_m,
         )
