@@ -17,7 +17,7 @@ from dualbend.run.make import make_run
 from dualbend.scenario.scenario import Scenario
 from dualbend.types import Vector
 
-_FLAT_RAD = 0.2
+FLAT_RAD = 0.2
 """Up to this end slope of a sheet its tension, not its bending, is most of the force."""
 
 
@@ -103,7 +103,7 @@ class Played:
 
 def deviations(found: Vector, played: Played) -> dict[str, float]:
     """Return how far wrenches (cycles, 2, 6) are from those of the run, flat and bent."""
-    deviation, bent = np.abs(found - played.wrench), played.slopes > _FLAT_RAD
+    deviation, bent = np.abs(found - played.wrench), played.slopes > FLAT_RAD
     told = {}
     for state, cycles in (("flat", ~bent), ("bent", bent)):
         for kind, part in (("force", slice(0, 3)), ("moment", slice(3, 6))):

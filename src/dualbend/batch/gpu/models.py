@@ -18,12 +18,12 @@ from dualbend.types import Vector
 _MAY_CHANGE = ("site_pos", "site_quat")
 """Fields that get a row for each world because grips may be displaced."""
 
-_HOLD_WEIGHT = 2.0, 10.0
+_HOLD_WEIGHT = 2.0, 2.0
 """By which mass and inertia MuJoCo is to scale a hold, over those of the lightest body held.
 
-As :func:`dualbend.scene.cell.harden_holds` has them, which single precision cannot bear: with holds
-heavier than 20 and 300 times that body the solver's Hessian is no longer positive definite. The
-sheet feels no difference above the noise (docs/gpu.md), since lighter ones are softer as well.
+As :func:`dualbend.scene.cell.harden_holds` has them, which single precision cannot bear: from ten
+times that inertia on there are steps in which forces jump, from hundreds on the solver's Hessian is
+not positive definite. Lighter holds yield, but less than the sheet that is light (docs/gpu.md).
 """
 
 
