@@ -16,7 +16,7 @@ from dualbend.batch.group import grouped
 from dualbend.env.base import SENSING, Info
 from dualbend.env.bend import BendEnv
 from dualbend.env.together import Step, Together
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refuse_below_one
 from dualbend.run.make import make_run
 from dualbend.scenario.load import Settings
 from dualbend.task.bending.run import BendingRun
@@ -47,10 +47,9 @@ class BendWorlds(VectorEnv[Vector, Vector, Any]):
         failure_cost: float = 1000.0,
         threads: int | None = None,
     ) -> None:
-        for name, given in (("num_envs", num_envs), ("threads", threads)):
-            if given is not None and given < 1:
-                raise InputError(f"{name} = {given}: must be at least 1")
-        self.num_envs, self._threads = num_envs, threads or os.cpu_count() or 1
+        self._threads = (os.cpu_count() or 1) if threads is None else threads
+        refuse_below_one(num_envs=num_envs, threads=self._threads)
+        self.num_envs = num_envs
         self._envs = [
             BendEnv(scenario, settings, moment_scale_nm=moment_scale_nm, failure_cost=failure_cost)
             for _ in range(num_envs)
