@@ -30,7 +30,7 @@ DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.glob("*.md"))
 THEORY = sorted(DOCS.glob("theory-*.md"))
 WITH_EXAMPLES = ("tutorial", "results", "api", "ci", "your-controller", "your-sheet")
-SLOW_EXAMPLES = {"performance": 1, "environments": 3}
+SLOW_EXAMPLES = {"performance": 2, "environments": 3}
 """How many there are."""
 
 SHORT = (

@@ -3,7 +3,9 @@
 import reprlib
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from operator import index
 from pathlib import Path
+from typing import SupportsIndex
 
 _LONGEST_VALUE, _LONGEST_MESSAGE = 80, 500
 """Characters of a value in a message, and of a message."""
@@ -33,6 +35,13 @@ def brief(value: object) -> str:
 
 _REPR = reprlib.Repr()
 _REPR.maxstring = _REPR.maxother = _REPR.maxlong = _LONGEST_VALUE
+
+
+def refuse_below_one(**numbers: object) -> None:
+    """Raise InputError, with its name, for the first that is no whole number from 1 on."""
+    for name, number in numbers.items():
+        if not isinstance(number, SupportsIndex) or isinstance(number, bool) or index(number) < 1:
+            raise InputError(f"{name} = {brief(number)}: must be a whole number, at least 1")
 
 
 @contextmanager

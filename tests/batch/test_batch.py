@@ -21,6 +21,7 @@ from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario, variants
 from dualbend.study.runs import in_batches
 from dualbend.study.sweep.run import run_row
+from dualbend.task.bending.rehearsal import Rehearsal
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import Vector
 
@@ -134,6 +135,21 @@ def test_the_friction_that_was_told_is_each_worlds_own() -> None:
         assert_same(record, BendingRun(scenario, friction=one).run())
 
 
+def test_motions_without_a_sheet_are_a_batch_and_tell_each_cells_friction() -> None:
+    quick = ("path.end_rad=0.2", "motion.settle_s=0.5", "motion.hold_s=0.5")
+    cells = [load_scenario("learned", (*quick, "sheet.model.hinges=4"), seed=i) for i in (1, 2)]
+    runs = [Rehearsal(each) for each in cells]
+    sheet = made("learned", *quick, "sheet.model.hinges=4")
+    assert grouped([*runs, sheet], 3) == [[0, 1], [2]]
+    for i, record in run_many(runs):
+        assert isinstance(record, RunRecord)
+        alone = Rehearsal(cells[i])
+        wanted = alone.run()
+        assert_same(record, wanted)
+        np.testing.assert_array_equal(runs[i].told(record), alone.told(wanted))
+        assert (runs[i].told(record) != 1.0).any()
+
+
 def test_cells_that_err_in_one_thing_each_are_as_alone() -> None:
     """What `dualbend imperfections` runs: what errs decides what can be one batch."""
     shorter = (*SHORT, "motion.settle_s=0.1", "path.end_rad=0.1")
@@ -211,8 +227,10 @@ def test_a_run_stands_once_and_a_batch_has_a_size() -> None:
     run = made("fig8", *NONE)
     with pytest.raises(InputError, match="twice"):
         next(run_many([run, run]))
-    with pytest.raises(InputError, match="batch = 0"):
-        next(run_many([run], batch=0))
+    for wrong in ({"batch": 0}, {"batch": 1.5}, {"threads": 0}, {"threads": True}):
+        ((name, value),) = wrong.items()
+        with pytest.raises(InputError, match=f"{name} = {value}: must be a whole number"):
+            next(run_many([run], **wrong))
 
 
 def test_a_world_that_stops_ends_as_it_does_alone_and_the_others_go_on() -> None:

@@ -8,6 +8,8 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import SyncVectorEnv
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 from pettingzoo.test import parallel_api_test
 
 from dualbend import InputError, parallel_env
@@ -19,6 +21,7 @@ from dualbend.run.make import make_run
 from dualbend.scenario.load import load_scenario
 from dualbend.scene.bed.config import HOLES
 from dualbend.types import Vector
+from support.small_runs import never
 
 SHORT = (*SENSING, "motion.speed_rad_per_s=1.0", "path.end_rad=0.3", "motion.hold_s=0.1")
 BEND, ASSEMBLE = "dualbend.env:dualbend/Bend-v1", "dualbend.env:dualbend/Assemble-v1"
@@ -145,61 +148,73 @@ def test_without_the_extra_the_message_names_it(
         __import__("dualbend.env.arms")
 
 
-def test_worlds_are_the_environments_that_they_are_alone() -> None:
-    """Golden to the bit, of an environment of its own with the same seed and actions."""
+def assert_same(found: Any, wanted: Any) -> None:
+    """Compare what a step returns, bit for bit but for the clocks on the wall."""
+    if isinstance(wanted, dict):
+        assert found.keys() == wanted.keys()
+        for key in found.keys() - {"wall_time", "realtime_factor", "t"}:
+            assert_same(found[key], wanted[key])
+    elif isinstance(wanted, tuple):
+        for one, other in zip(found, wanted, strict=True):
+            assert_same(one, other)
+    else:
+        np.testing.assert_array_equal(found, wanted)
+
+
+def test_worlds_are_environments_of_their_own_that_end_and_begin_anew_by_themselves() -> None:
+    """Golden to the bit, Gymnasium's own vector of environments, to its statistics.
+
+    Worlds 0 and 1 are reset on the way. Then 0 goes to its end, 1 stops early and begins alone,
+    and 2 and 3 are twins that stop and begin together.
+    """
+    settings = (*SHORT, "sheet.model.hinges=4", "motion.settle_s=0.3")
+    mode = "vector_entry_point"
+    both = [
+        RecordEpisodeStatistics(env)
+        for env in (
+            gymnasium.make_vec(BEND, 4, vectorization_mode=mode, settings=settings),
+            SyncVectorEnv([lambda: BendEnv(settings=settings)] * 4),
+        )
+    ]
+    assert_same(*(env.reset(seed=[7, 8, 9, 9]) for env in both))
     rng = np.random.default_rng(3)
-    actions = rng.uniform(-1.0, 1.0, (200, 3, 6)) * np.array([1e-4, 1e-4, 0.01] * 2)
-    worlds = gymnasium.make_vec(
-        BEND, num_envs=3, vectorization_mode="vector_entry_point", settings=SHORT
-    )
-    alone = [BendEnv(settings=SHORT) for _ in range(3)]
-    seen, _ = worlds.reset(seed=7)
-    single = [env.reset(seed=7 + i)[0] for i, env in enumerate(alone)]
-    np.testing.assert_array_equal(seen, single)
-    assert worlds.observation_space.contains(seen)
-    ended = np.zeros(3, dtype=bool)
-    for action in actions:
-        seen, rewards, ended, _, infos = worlds.step(action)
-        steps = [env.step(one) for env, one in zip(alone, action, strict=True)]
-        np.testing.assert_array_equal(seen, [step[0] for step in steps])
-        np.testing.assert_array_equal(rewards, [step[1] for step in steps])
-        np.testing.assert_array_equal(ended, [step[2] for step in steps])
-        if ended.all():
-            break
-    assert ended.all()
-    assert infos["outcome"].tolist() == ["completed"] * 3
-    assert infos["metrics"]["peak_moment"][1] == steps[1][4]["metrics"]["peak_moment"]
+    ends: list[list[int]] = [[], [], [], []]
+    ended = np.zeros(4, dtype=bool)
+    for step in range(60):
+        action = rng.uniform(-1.0, 1.0, (4, 6)) * np.array([1e-4, 1e-4, 0.01] * 2)
+        action[1, [2, 5]] = 0.1 * (-1.0) ** step
+        action[3] = action[2] = action[1] if step > 5 else action[2]
+        action[ended] = np.nan  # of no meaning while a world begins
+        found, wanted = (env.step(action) for env in both)
+        assert_same(found, wanted)
+        ended = found[2]
+        assert both[0].observation_space.contains(found[0])
+        for world in np.flatnonzero(ended):
+            ends[world].append(step)
+        if step == 12:
+            mask = {"reset_mask": np.array([True, True, False, False])}
+            seeds: list[int | None] = [3, None, None, None]
+            assert_same(*(env.unwrapped.reset(seed=seeds, options=dict(mask)) for env in both))
+    assert [len(each) for each in ends] == [1, 2, 2, 2]
+    assert ends[2] == ends[3]
+    assert not {*ends[1]} & {*ends[0], *ends[2]}
 
 
-def test_a_world_that_stops_waits_for_the_others() -> None:
-    """Golden to the bit until then, of an environment of its own; then it is told no more."""
-    worlds = gymnasium.make_vec(
-        BEND, num_envs=2, vectorization_mode="vector_entry_point", settings=SHORT
-    )
-    alone = BendEnv(settings=SHORT)
+def test_worlds_that_begin_together_are_stepped_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(BendEnv, "step", never)
+    worlds = BendWorlds(2, settings=SHORT)
     worlds.reset(seed=1)
-    alone.reset(seed=2)
-    action, ended, single = np.zeros((2, 6)), np.zeros(2, dtype=bool), False
-    with pytest.raises(InputError, match="finite"):
-        worlds.step(np.full((2, 6), np.nan))
-    outcomes: dict[int, str] = {}
-    steps = 0
+    assert np.isfinite(worlds.step(np.zeros((2, 6)))[1]).all()
+
+
+def test_worlds_whose_runs_can_be_no_batch_are_stepped_one_by_one() -> None:
+    settings = (*SHORT, "imperfections.events.arm_stop.at_s=0.05")
+    worlds = BendWorlds(2, settings=settings)
+    worlds.reset(seed=1)
+    ended = np.zeros(2, dtype=bool)
     while not ended.all():
-        action[1, [2, 5]] = 0.1 * (-1.0) ** steps
-        before, steps = ended, steps + 1
-        seen, reward, ended, _, infos = worlds.step(action)
-        if not single:
-            one, wanted, single, _, _ = alone.step(action[1])
-            np.testing.assert_array_equal(seen[1], one)
-            assert reward[1] == wanted
-            assert ended[1] == single
-        else:
-            assert reward[1] == 0.0
-        for world in np.flatnonzero(ended & ~before):
-            outcomes[int(world)] = infos["outcome"][world]
-    assert outcomes == {0: "completed", 1: "protective_stop"}
-    with pytest.raises(InputError, match="together"):
-        worlds.reset(options={"reset_mask": np.array([True, False])})
+        *_, ended, _, infos = worlds.step(np.zeros((2, 6)))
+    assert infos["outcome"].tolist() == ["protective_stop"] * 2
 
 
 def test_worlds_that_are_asked_wrongly_say_what_is_right() -> None:
@@ -211,3 +226,9 @@ def test_worlds_that_are_asked_wrongly_say_what_is_right() -> None:
         worlds.step(np.zeros((2, 6)))
     with pytest.raises(InputError, match="1 of them for 2"):
         worlds.reset(seed=[1])
+    for mask in ([True], [False, False], [1, 0]):
+        with pytest.raises(InputError, match="reset_mask: need 2 truth values"):
+            worlds.reset(options={"reset_mask": np.array(mask)})
+    worlds.reset(seed=1)
+    with pytest.raises(InputError, match="finite"):
+        worlds.step(np.full((2, 6), np.nan))

@@ -79,19 +79,27 @@ if __name__ == "__main__":
         arm.stop()
 """
 
-ABB = """
+EGM_START = """
 import math
 from ABBRobotEGM import EGM
 
+arms = [EGM(6510), EGM(6511)]
+
+def cycles():
+    wait_s = 30.0
+    while True:
+        told = [arm.receive_from_robot(wait_s) for arm in arms]
+        if not all(ok for ok, _ in told):
+            return
+        wait_s = 8.0
+        yield [state for _, state in told]
+"""
+
+ABB = f"""{EGM_START}
 AGE, MASS, X = 10.5 / 28.0, 0.61, 0.0478689
-arms, last = [EGM(6510), EGM(6511)], [None, None]
-wait_s = 30.0
-while True:
-    told = [arm.receive_from_robot(wait_s) for arm in arms]
-    if not all(ok for ok, _ in told):
-        break
-    wait_s = 8.0
-    for i, (_, state) in enumerate(told):
+last = [None, None]
+for told in cycles():
+    for i, state in enumerate(told):
         slope = 2.0 * math.atan2(state.cartesian.orient[2], state.cartesian.orient[0])
         before, moment = last[i] or (slope, None)
         then, force = slope - AGE * (slope - before), state.measured_force
@@ -104,19 +112,12 @@ while True:
         arms[i].send_to_robot_cart(planned.pos, (math.cos(half), 0.0, math.sin(half), 0.0))
 """
 
-HOLD = """
-from ABBRobotEGM import EGM
-
-arms, first, wait_s = [EGM(6510), EGM(6511)], [None, None], 30.0
-while True:
-    told = [arm.receive_from_robot(wait_s) for arm in arms]
-    if not all(ok for ok, _ in told):
-        break
-    wait_s = 8.0
-    for i, (_, state) in enumerate(told):
-        if first[i] is None:
-            first[i] = state.joint_angles_planned
-        arms[i].send_to_robot(first[i])
+HOLD = f"""{EGM_START}
+first = None
+for told in cycles():
+    first = first or [state.joint_angles_planned for state in told]
+    for arm, joints in zip(arms, first):
+        arm.send_to_robot(joints)
 """
 
 NETFT = """

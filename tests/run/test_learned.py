@@ -129,11 +129,11 @@ def test_a_file_that_was_not_written_so_is_refused(
     with pytest.raises(InputError) as refused:
         make_run(scenario(f"path.learned={path}"))
     assert said in str(refused.value)
-    assert "learned.json" in str(refused.value)
+    assert str(refused.value).count("learned.json") == 1
 
 
 def test_no_such_file_is_one_message(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nothing.json: cannot be read"):
+    with pytest.raises(InputError, match=r"^path.learned = '[^']*nothing.json': cannot be read"):
         make_run(scenario(f"path.learned={tmp_path / 'nothing.json'}"))
 
 

@@ -214,34 +214,57 @@ def test_corrections_stay_within_their_bound() -> None:
 def test_a_series_goes_on_where_it_was_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = run_series(short(), 3, tmp_path / "whole")
-    run_series(short(), 2, tmp_path / "parts")
-    assert run_series(short(), 3, tmp_path / "parts") == whole
+    whole = run_series({tmp_path / "whole": short()}, 3)
+    run_series({tmp_path / "parts": short()}, 2)
+    assert run_series({tmp_path / "parts": short()}, 3) == whole
     for name in ("runs.jsonl", LEARNED):
         files = [(tmp_path / part / name).read_bytes() for part in ("whole", "parts")]
         assert files[0] == files[1]
     monkeypatch.setattr("dualbend.study.learning.series.make_run", never)
-    assert run_series(short(), 3, tmp_path / "whole") == whole  # nothing is left
+    assert run_series({tmp_path / "whole": short()}, 3) == whole  # nothing is left
+
+
+@pytest.mark.slow
+def test_cells_that_are_bent_together_are_what_each_is_alone(tmp_path: Path) -> None:
+    """To the byte, friction that the arms tell included; interrupted between cells of a sheet."""
+    drawn = short(*FRICTION, "imperfections.robot.coulomb_spread=0.2")
+    scenarios = [msgspec.structs.replace(drawn, seed=seed) for seed in (1, 2)]
+    cells = {tmp_path / str(each.seed): each for each in scenarios}
+
+    def interrupt(_: Series, sheet: Sheet | None) -> None:
+        if sheet is not None and sheet.sheet == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_series(cells, 2, on_sheet=interrupt)
+    rows = [(folder / "runs.jsonl").read_bytes().count(b"\n") for folder in cells]
+    assert sorted(rows) == [1, 2]
+    run_series(cells, 2)
+    for folder, each in cells.items():
+        alone = tmp_path / "alone" / folder.name
+        run_series({alone: each}, 2)
+        for name in ("runs.jsonl", LEARNED, "study.json"):
+            assert (folder / name).read_bytes() == (alone / name).read_bytes()
 
 
 def test_another_scenario_does_not_go_on_in_the_folder(tmp_path: Path) -> None:
-    run_series(short(), 1, tmp_path)
+    run_series({tmp_path: short()}, 1)
     with pytest.raises(InputError, match="holds a study of another scenario"):
-        run_series(short("learning.gain=0.8"), 2, tmp_path)
+        run_series({tmp_path: short("learning.gain=0.8")}, 2)
 
 
 def test_rows_that_are_no_series_are_refused(tmp_path: Path) -> None:
-    run_series(short(), 2, tmp_path)
+    run_series({tmp_path: short()}, 2)
     runs = tmp_path / "runs.jsonl"
     first, second = runs.read_bytes().splitlines(keepends=True)
     runs.write_bytes(second)
     with pytest.raises(InputError, match=r"runs.jsonl: sheet 2: must be sheet 1"):
-        run_series(short(), 3, tmp_path)
+        run_series({tmp_path: short()}, 3)
     row = msgspec.json.decode(first)
     row["correction_rad"] = [[0.0], [0.0]]
     runs.write_bytes(msgspec.json.encode(row) + b"\n")
     with pytest.raises(InputError, match=r"sheet 1: .* correction_rad for each of 2 arms"):
-        run_series(short(), 3, tmp_path)
+        run_series({tmp_path: short()}, 3)
 
 
 def invoke(*arguments: str) -> tuple[int, str]:
@@ -266,6 +289,10 @@ def test_the_command_shows_the_spread_over_cells(tmp_path: Path) -> None:
     cells = ("--seeds", "2", "--no-record", "--out", str(tmp_path))
     code, output = invoke("--sheets", "2", *cells)
     assert code == 0
+    alone = tmp_path / "alone"
+    assert invoke("--sheets", "2", "--seed", "2", "--no-record", "--out", str(alone))[0] == 0
+    for name in ("runs.jsonl", LEARNED, "table.md", "study.json"):
+        assert (alone / name).read_bytes() == (tmp_path / "seed-2" / name).read_bytes()
     rows = [read_rows(tmp_path / f"seed-{seed}") for seed in (1, 2)]
     lines = (tmp_path / "cells.md").read_text(encoding="utf-8").splitlines()
     number, count, median, worst, *_ = lines[-1].strip("| ").split(" | ")
@@ -282,6 +309,29 @@ def read_rows(folder: Path) -> list[dict[str, list[float]]]:
     return [msgspec.json.decode(line) for line in (folder / "runs.jsonl").read_bytes().splitlines()]
 
 
+def test_interrupted_before_the_first_sheet_the_command_says_that_nothing_was_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: Scenario) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("dualbend.study.learning.series.predict_learning", interrupted)
+    folder = tmp_path / "sheets"
+    code, output = invoke("--out", str(folder))
+    assert code == 130
+    assert output == "dualbend: interrupted before a run was done; the same command continues\n"
+    assert not folder.exists()
+
+
+def test_friction_that_is_as_it_is_believed_is_said_in_words(tmp_path: Path) -> None:
+    """The model of a UR5 has no dry friction: there is nothing to tell."""
+    arm = ("--set", "robot.model=ur5", "--set", "robot.servo.friction_estimate={}")
+    code, output = invoke("--sheets", "1", "--no-record", "--out", str(tmp_path), *arm)
+    assert code == 0
+    assert "friction of the joints: as it is believed\n" in output
+    assert "1.00" not in output
+
+
 def test_the_command_refuses_what_would_grow(tmp_path: Path) -> None:
     code, output = invoke("--out", str(tmp_path), "--set", "learning.gain=2.2")
     assert code == 2
@@ -296,9 +346,13 @@ def test_the_command_begins_with_a_file(tmp_path: Path) -> None:
     code, output = invoke("--sheets", "1", "--no-record", "--out", str(second), *start)
     assert code == 0
     assert read_learned(second / LEARNED).sheets == 3
-    code, output = invoke(*start, "--out", str(tmp_path), "--set", "sheet.width_m=0.2")
-    assert code == 2
-    assert f"--from {first / LEARNED}: was learned with sheet.width_m = 0.3" in output
+    wider = ("--out", str(tmp_path), "--set", "sheet.width_m=0.2")
+    named = ("--set", f"path.learned={first / LEARNED}")
+    for given, said in ((start, f"--from {first / LEARNED}"), (named, "path.learned = '")):
+        code, output = invoke(*given, *wider)
+        assert code == 2
+        assert f"dualbend: {said}" in output
+        assert "was learned with sheet.width_m = 0.3" in output
 
 
 def test_a_scenario_that_has_learned_is_gated_like_any_other(
@@ -337,3 +391,4 @@ def test_a_sheet_that_ends_otherwise_ends_the_command(tmp_path: Path) -> None:
     assert code == 3
     assert "nothing learned: protective stop" in output
     assert not (tmp_path / LEARNED).exists()
+    assert len(read_rows(tmp_path)) == 1

@@ -8,7 +8,8 @@ import pytest
 from dualbend.errors import InputError
 from dualbend.scenario.load import load_scenario
 from dualbend.scenario.scenario import Scenario
-from dualbend.task.bending.rehearsal import Rehearsal, rehearsed_friction
+from dualbend.task.bending.rehearsal import Rehearsal
+from dualbend.types import Vector
 
 MOVING = [1, 2, 4, 7, 8, 10]
 """Of a PUMA that bends in its own plane: shoulder, elbow and the wrist's bend, left and right."""
@@ -17,6 +18,11 @@ MOVING = [1, 2, 4, 7, 8, 10]
 def short(*settings: str) -> Scenario:
     quick = ("path.end_rad=0.35", "motion.settle_s=0.5", "motion.hold_s=0.5")
     return load_scenario("learned", [*quick, "sheet.model.hinges=4", *settings])
+
+
+def rehearsed_friction(scenario: Scenario) -> Vector:
+    run = Rehearsal(scenario)
+    return run.told(run.run())
 
 
 @pytest.mark.parametrize("true", [0.7, 1.3])

@@ -10,6 +10,7 @@ import msgspec
 from dualbend.imperfection.sensor import SensorErrors
 from dualbend.run.loop import Run
 from dualbend.scene.sheet.strips import StripConfig
+from dualbend.task.bending.rehearsal import Rehearsal
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES
 
@@ -21,7 +22,7 @@ _ALIKE = ("sampling_ms", "latency_ms", "force_resolution_n", "torque_resolution_
 def alone(run: Run) -> str:
     """Return why a run cannot be one of a batch, in words; "" where it can."""
     scenario = run.scenario
-    if type(run) is not BendingRun:
+    if not isinstance(run, BendingRun) or type(run) not in (BendingRun, Rehearsal):
         return "its program decides in each cycle where it goes"
     if run.nominal_q is None:
         return "mink solves each cycle of an arm that has not six joints"
@@ -57,6 +58,7 @@ def structure(run: BendingRun) -> Hashable:
         *(errors.link.errs, errors.robot.displaces, errors.robot.weighs_wrong),
         *(errors.robot.stiction_excess > 0.0, run.grip_errors is not None),
         errors.sensor == SensorErrors(),
+        run.free,
         *(scenario.compliance.sensing, scenario.compliance.complying),
     )
     arms = run.cell.simulation.joint_range, run.cell.simulation.torque_limit

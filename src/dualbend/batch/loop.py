@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dualbend.batch.controllers import ActiveOnly, joined, one_by_one
 from dualbend.batch.physics import CpuPhysics, Physics, Start
 from dualbend.control.controller import IN_PLANE, ControlledPath, Observation
-from dualbend.control.servo import JointServo
+from dualbend.control.servo import FrictionEstimate, JointServo
 from dualbend.control.wrist import WristSensors
 from dualbend.imperfection.link import CommandLink
 from dualbend.run.cell import RobotCell, make_guard, make_integral, make_response, make_sensor_guard
@@ -75,7 +75,10 @@ class BatchLoop:
         self._guard = make_guard(scenario, first.cell, shape)
         self._sensor_guard = make_sensor_guard(scenario, first.sensors, shape)
         self._servo = JointServo.stacked([cell.servo for cell in cells])
-        self._friction = np.stack([cell.friction.ratio for cell in cells])[:, np.newaxis]
+        self._free, self._friction = (
+            first.free,
+            FrictionEstimate.stacked([c.friction for c in cells]),
+        )
         self._integral = make_integral(scenario, robots[0], shape)
         self._response = make_response(scenario, first.cell.arms, shape)
         self._response.reset(np.stack([cell.home for cell in cells]))
@@ -146,7 +149,8 @@ class BatchLoop:
         trace.observe(n * period_s, self._phases[n], drawn, seen, physics.data.qpos, bends)
         reference = self._response.position
         self._leave_if(self._guard.outside(seen.q, seen.speed, seen.torque, reference))
-        self._leave(has_snapped(seen.sag, pose[:, 2]))
+        if not self._free:
+            self._leave(has_snapped(seen.sag, pose[:, 2]))
         if self._grip_errors is not None:
             turns = physics.observer.roll_and_yaw(physics.data)
             trace.record_task(turns.reshape(len(self._runs), -1))
@@ -183,9 +187,11 @@ class BatchLoop:
             self._leave_if(self._link.starved[np.newaxis])
         error = self._reference - self._seen.q
         offset = self._integral.update(error)
+        if self._free:
+            self._friction.update(error + offset, self._response.speed)
         now = self._response.update(sent)
         setpoints = self._servo.setpoint(
-            now.position, now.velocity, now.acceleration, self._friction
+            now.position, now.velocity, now.acceleration, self._friction.ratio[:, np.newaxis]
         )
         self._sample = physics.advance(setpoints + offset[:, np.newaxis], self.active)
         self._leave(physics.failed)
@@ -216,6 +222,7 @@ class BatchLoop:
         run = self._runs[world]
         run.trace = self.trace.of_world(world, int(self.cycles[world]))
         run.cell.simulation.data.time = self._physics.time_s[world]
+        run.cell.friction.ratio[:] = self._friction.ratio[world]
         record = run.record("completed", wall_time_s=wall_s)
         run.cell.let_go()
         return record

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dualbend.batch.group import alone, grouped
 from dualbend.batch.loop import BatchLoop
 from dualbend.batch.physics import Physics
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refuse_below_one
 from dualbend.run.cell import RobotCell
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
@@ -37,8 +37,7 @@ def run_many(
     Raises InputError where a run stands twice, there is no such device, or MuJoCo Warp cannot
     simulate the cells.
     """
-    if batch < 1:
-        raise InputError(f"batch = {batch}: must be at least 1")
+    refuse_below_one(batch=batch, threads=threads)
     physics = _on(device, on_note) if device else None
     made: list[Run] = []
     groups = grouped(_let_go(runs, made), batch)

@@ -5,21 +5,10 @@ protective stop or failed run that the scenario does not expect; 128 + n ended b
 Heavy imports happen inside the commands.
 """
 
+from importlib import import_module
+
 import click
 
-from dualbend.cli import (
-    assembly,
-    check,
-    files,
-    learning,
-    logs,
-    report,
-    runs,
-    serve,
-    stability,
-    sweep,
-    theory,
-)
 from dualbend.cli.common import Commands, examples
 
 
@@ -33,19 +22,19 @@ def main() -> None:
     """Two position-controlled arms bend a flexible sheet."""
 
 
-for _module in (
-    assembly,
-    files,
-    check,
-    learning,
-    logs,
-    report,
-    runs,
-    serve,
-    stability,
-    sweep,
-    theory,
+for _name in (
+    "assembly",
+    "check",
+    "files",
+    "learning",
+    "logs",
+    "report",
+    "runs",
+    "serve",
+    "stability",
+    "sweep",
+    "theory",
 ):
-    for _command in vars(_module).values():
+    for _command in vars(import_module(f"dualbend.cli.{_name}")).values():
         if isinstance(_command, click.Command):
             main.add_command(_command)

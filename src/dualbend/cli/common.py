@@ -234,12 +234,9 @@ def exit_by(result: RunRecord) -> None:
 
 
 def exit_interrupted(done: int, total: int | None, folder: Path) -> NoReturn:
-    """Exit from a study of which some runs are kept."""
-    click.echo(
-        f"dualbend: interrupted after {done} of {total} runs, kept in {folder}; "
-        "the same command continues",
-        err=True,
-    )
+    """Exit from a study, of which the runs that are done are kept."""
+    said = f"after {done} of {total} runs, kept in {folder}" if done else "before a run was done"
+    click.echo(f"dualbend: interrupted {said}; the same command continues", err=True)
     sys.exit(EXIT_INTERRUPTED)
 
 

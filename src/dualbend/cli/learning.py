@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -84,8 +85,8 @@ def learn(
         if named is not None:
             raise InputError(f"--seeds {cells}: what was learned before, {named}, is of one cell")
         each = [msgspec.structs.replace(loaded, seed=loaded.seed + i) for i in range(cells)]
-        found = [_series(one, sheets, folder / f"seed-{one.seed}", None, record) for one in each]
-        lines = spread_table(found)
+        of = {folder / f"seed-{one.seed}": one for one in each}
+        lines = spread_table(_series(of, sheets, folder, None, record))
         with writing(folder, "--out"):
             write_whole(folder / "cells.md", lines.markdown() + "\n")
         click.echo(lines.text())
@@ -93,50 +94,77 @@ def learn(
         return
     before = None
     if named is not None:
-        with refusing(f"--from {named}"):
-            before = read_learned(Path(named))
+        said = f"path.learned = {named!r}" if start is None else f"--from {start}"
+        before = read_learned(Path(named), said)
+        with refusing(said):
             before.motion(loaded)
-    found = [_series(loaded, sheets, folder, before, record)]
-    click.echo(table(found[0]).text())
-    if any(sheet.learned for sheet in found[0]):
+    (found,) = _series({folder: loaded}, sheets, folder, before, record)
+    click.echo(table(found).text())
+    if any(sheet.learned for sheet in found):
         click.echo(f"learned: --set path.learned={folder / LEARNED}")
     click.echo(f"results in {folder}")
-    if found[0][-1].outcome not in loaded.expect.outcome:
+    if found[-1].outcome not in loaded.expect.outcome:
         sys.exit(EXIT_UNEXPECTED)
 
 
 def _series(
-    loaded: Scenario, sheets: int, folder: Path, before: LearnedFile | None, record: bool
-) -> list[Sheet]:
-    """Run a series into a folder, with its table, picture and recording; tell each sheet."""
+    cells: Mapping[Path, Scenario],
+    sheets: int,
+    folder: Path,
+    before: LearnedFile | None,
+    record: bool,
+) -> list[list[Sheet]]:
+    """Run series into the folders of cells, each with table, picture and recording.
+
+    ``folder`` has them all.
+    """
     from dualbend.interrupts import uninterrupted
     from dualbend.study.learning.figure import plot_sheets
     from dualbend.study.learning.series import run_series
     from dualbend.study.learning.sheet import table
 
-    done = 0
-
-    def tell(series: Series, sheet: Sheet | None) -> None:
-        nonlocal done
-        done = series.done
-        if sheet is None:
-            click.echo(f"{loaded.name}, seed {loaded.seed}: {series.prediction}", err=True)
-            if done < sheets and series.friction is not None:
-                ratios = ", ".join(f"{ratio:.2f}" for ratio in series.friction)
-                click.echo(f"friction of the joints over the believed one: {ratios}", err=True)
-        else:
-            click.echo(table([sheet]).text().splitlines()[-1], err=True)
-
+    tell = _Telling([one.seed for one in cells.values()])
     try:
-        found = run_series(loaded, sheets, folder, before, tell)
+        found = run_series(cells, sheets, before, tell)
     except KeyboardInterrupt:
-        exit_interrupted(done, sheets, folder)
-    with uninterrupted():
-        with writing(folder, "--out"):
-            write_whole(folder / "table.md", table(found).markdown() + "\n")
-        plot_sheets(found, loaded.name, folder / "sheets.png")
-        if record:
-            from dualbend.study.learning.recording import record_sheets
+        exit_interrupted(tell.done, sheets * len(cells), folder)
+    for (own, scenario), bent in zip(cells.items(), found, strict=True):
+        with uninterrupted():
+            with writing(own, "--out"):
+                write_whole(own / "table.md", table(bent).markdown() + "\n")
+            plot_sheets(bent, scenario.name, own / "sheets.png")
+            if record:
+                from dualbend.study.learning.recording import record_sheets
 
-            record_sheets(loaded, found, folder / "sheets.rrd")
+                record_sheets(scenario, bent, own / "sheets.rrd")
     return found
+
+
+class _Telling:
+    """Tells each sheet as it ends, and before the first one what is known; counts the sheets."""
+
+    def __init__(self, seeds: Sequence[int]) -> None:
+        self._seeds, self._known = seeds, set[int]()
+        self.done = 0
+
+    def __call__(self, series: Series, sheet: Sheet | None) -> None:
+        """Tell a sheet of a series; None: those that are done already."""
+        from dualbend.study.learning.sheet import table
+
+        name, seed, (first, *more) = series.scenario.name, series.scenario.seed, self._seeds
+        if sheet is None:
+            self.done += series.done
+            if seed == first:
+                seeds = f"seeds {first} to {more[-1]}" if more else f"seed {first}"
+                click.echo(f"{name}, {seeds}: {series.prediction}", err=True)
+            return
+        self.done += 1
+        cell = f"seed {seed}: " if more else ""
+        if seed not in self._known and series.friction is not None:
+            ratios = [f"{ratio:.2f}" for ratio in series.friction]
+            told = " over the believed one: " + ", ".join(ratios)
+            if {*ratios} == {"1.00"}:
+                told = ": as it is believed"
+            click.echo(f"{cell}friction of the joints{told}", err=True)
+        self._known.add(seed)
+        click.echo(f"{cell}{table([sheet]).text().splitlines()[-1]}", err=True)

@@ -171,6 +171,11 @@ class FrictionEstimate:
         has = coulomb_friction > 0.0
         self._share = np.where(has, stiffness, 0.0) / np.where(has, coulomb_friction, 1.0)
 
+    @classmethod
+    def stacked(cls, many: Sequence[FrictionEstimate]) -> FrictionEstimate:
+        """Return that of many worlds, for errors and speeds (worlds, n)."""
+        return stacked(many, "known", "ratio", "_weight", "_share")
+
     def reset(self) -> None:
         """Believe in what is known."""
         self.ratio[:], self._weight[:] = self.known, 0.0

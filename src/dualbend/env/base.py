@@ -87,9 +87,17 @@ class CellEnv(gymnasium.Env[Vector, Vector]):
 
     def reset(self, *, seed: int | None = None, options: Info | None = None) -> tuple[Vector, Info]:
         """Begin a run; ``options`` says nothing here."""
-        super().reset(seed=seed, options=options)
-        drawn = int(self.np_random.integers(_SEEDS)) if seed is None else seed
-        return self.flat(self.cell.reset(drawn)), {"seed": drawn}
+        drawn = self.next_seed(seed)
+        return self.begin(drawn), {"seed": drawn}
+
+    def begin(self, seed: int) -> Vector:
+        """Begin the run of a seed, which those that are drawn do not depend on."""
+        return self.flat(self.cell.reset(seed))
+
+    def next_seed(self, seed: int | None = None) -> int:
+        """Return the seed of the run that is to begin: a given one, else the next that is drawn."""
+        super().reset(seed=seed)
+        return int(self.np_random.integers(_SEEDS)) if seed is None else seed
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, Info]:
         """Run one command cycle; an action out of its space is brought to the nearest in it."""

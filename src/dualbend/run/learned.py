@@ -96,10 +96,13 @@ class LearnedFile(Config):
                 )
 
 
-def read_learned(path: Path) -> LearnedFile:
-    """Return what a file holds; InputError where it is no file of what was learned."""
-    found = read_json(path, LearnedFile, "correction that dualbend learn wrote")
-    with refusing(str(path)):
+def read_learned(path: Path, named: str = "") -> LearnedFile:
+    """Return what a file holds; InputError where it is no file of what was learned.
+
+    ``named``: what the message calls it, if not by its path.
+    """
+    found = read_json(path, LearnedFile, "correction that dualbend learn wrote", named)
+    with refusing(named or str(path)):
         lengths = {len(values) for values in found.correction_rad.values()}
         if set(found.correction_rad) != set(SIDES) or len(lengths) != 1:
             raise InputError(
@@ -114,8 +117,9 @@ def read_for(scenario: Scenario) -> tuple[LearnedFile, str]:
     Raises InputError where there is no such file, or it belongs to something else.
     """
     path = Path(str(scenario.path.learned))
-    with refusing(f"path.learned = {str(path)!r}"):
-        found = read_learned(path)
+    named = f"path.learned = {str(path)!r}"
+    found = read_learned(path, named)
+    with refusing(named):
         found.refuse_other(scenario)
         found.motion(scenario)
         sha256 = hashlib.sha256(file_bytes(path)).hexdigest()

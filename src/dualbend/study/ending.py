@@ -27,6 +27,13 @@ def result_of(run: Run) -> RunRecord:
     return whole(run.run())
 
 
+def record_of(record: RunRecord | Exception) -> RunRecord:
+    """Return one of many records; raise what its run raised, or KeyboardInterrupt as above."""
+    if isinstance(record, Exception):
+        raise record
+    return whole(record)
+
+
 def metrics_of(result: RunRecord) -> dict[str, Metric]:
     """Return the metrics of a run, without those of the machine."""
     return {name: metric for name, metric in result.metrics.items() if name not in WALL_CLOCK}

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 
-from dualbend.errors import InputError
+from dualbend.errors import refuse_below_one
 from dualbend.interrupts import ENDING_SIGNALS, uninterrupted
 from dualbend.study.engine import Arguments, Key, Lost, Place, Row, WorkerDiedError, as_they_end
 
@@ -32,8 +32,8 @@ def in_processes(workers: int | None = None) -> Place:
     InputError for less than one, and WorkerDiedError, when runs are made, where not even a process
     that does next to nothing lives.
     """
-    if workers is not None and workers < 1:
-        raise InputError(f"workers = {workers}: must be at least 1")
+    if workers is not None:
+        refuse_below_one(workers=workers)
 
     def ended(
         tasks: Mapping[Key, tuple[*Arguments]], run_one: Callable[[*Arguments], Row]

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, TypeVarTuple
 
 from dualbend.batch.many import BATCH, run_many
-from dualbend.errors import InputError
+from dualbend.errors import InputError, refuse_below_one
 from dualbend.run.loop import Run
-from dualbend.run.record import RunRecord, whole
+from dualbend.run.record import RunRecord
+from dualbend.study.ending import record_of
 from dualbend.study.engine import Key, Lost, Place
 from dualbend.study.processes import in_processes
 
@@ -56,9 +57,7 @@ class RunEach(Generic[*Arguments, Row]):
         for at, record in run_many(ready(), **how):
             i = made[at]
             try:
-                if isinstance(record, Exception):
-                    raise record
-                rows[i] = self.row(whole(record), *tasks[i])
+                rows[i] = self.row(record_of(record), *tasks[i])
             except Exception as error:
                 rows[i] = self.failed(error, *tasks[i])
         return [rows[i] for i in range(len(tasks))]
@@ -95,8 +94,7 @@ def in_batches(
     most ``batch`` runs at a time; with a ``cluster`` its workers are meant. Where one dies, each
     run of its batch is made by itself. Raises InputError for less than one.
     """
-    if batch < 1:
-        raise InputError(f"batch = {batch}: must be at least 1")
+    refuse_below_one(batch=batch)
     place = in_processes(workers) if cluster is None else cluster
     at_once = 1 if cluster is not None else workers or os.cpu_count() or 1
 

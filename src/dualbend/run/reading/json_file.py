@@ -13,20 +13,20 @@ from dualbend.errors import InputError, refusing
 T = TypeVar("T")
 
 
-def read_json(path: Path, kind: type[T], what: str) -> T:
-    """Return what a JSON file holds, as a type.
+def read_json(path: Path, kind: type[T], what: str, named: str = "") -> T:
+    """Return what a JSON file holds, as a type; ``named``: what it is called, if not by its path.
 
     Raises InputError, "no ``what``", which names file and key, where it cannot be read, holds
     another type or a number that is not finite, or has a key twice.
     """
-    return json_of(file_bytes(path), kind, f"{path}: no {what}")
+    return json_of(file_bytes(path, named), kind, f"{named or path}: no {what}")
 
 
-def file_bytes(path: Path) -> bytes:
+def file_bytes(path: Path, named: str = "") -> bytes:
     """Return what a file holds; InputError where it cannot be read, or is a pipe or a folder."""
-    with refusing(f"{path}: cannot be read", OSError):
+    with refusing(f"{named or path}: cannot be read", OSError):
         if path.exists() and not path.is_file():  # a pipe would keep us waiting
-            raise InputError(f"{path}: is no file")
+            raise InputError(f"{named or path}: is no file")
         return path.read_bytes()
 
 

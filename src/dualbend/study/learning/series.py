@@ -9,7 +9,10 @@ the path of the first sheet without one before it.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,20 +20,22 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from dualbend.batch.many import BATCH, run_many
 from dualbend.control.learning import LearningConfig, replayed
 from dualbend.errors import InputError, refusing
 from dualbend.evaluation.metrics import held_rows, versions
 from dualbend.files import write_whole
 from dualbend.run.learned import LearnedFile, belongings
+from dualbend.run.loop import Run
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.motion import NominalMotion, nominal_motion
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.learning import LearningPrediction, learning_of, predict_learning
-from dualbend.study.ending import result_of
+from dualbend.study.ending import record_of, result_of
 from dualbend.study.folder import RUNS, StudyFolder
 from dualbend.study.learning.sheet import Sheet, sheet_of
-from dualbend.task.bending.rehearsal import rehearsed_friction
+from dualbend.task.bending.rehearsal import Rehearsal
 from dualbend.types import SIDES, Vector
 
 LEARNED = "learned.json"
@@ -39,14 +44,18 @@ LEARNED = "learned.json"
 class Series:
     """Sheets of a scenario one after another: :meth:`next_sheet` runs one and learns from it.
 
-    ``start``: what was learned before, at whatever speed; ``done``: number of sheets so far.
+    ``start``: what was learned before, at whatever speed; ``done``: number of sheets so far;
+    ``prediction``: of this scenario with any seed, None: to be made.
     Raises InputError where the corrections would grow, by the loop's model, or what was learned
     before belongs to something else.
     """
 
-    prediction: LearningPrediction
-
-    def __init__(self, scenario: Scenario, start: LearnedFile | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        start: LearnedFile | None = None,
+        prediction: LearningPrediction | None = None,
+    ) -> None:
         self.scenario = scenario
         self.config: LearningConfig = learning_of(scenario)
         if self.config.speeds_rad_per_s and scenario.motion.return_rad is not None:
@@ -54,7 +63,7 @@ class Series:
                 "learning.speeds_rad_per_s: what was learned at one speed is taken to another by "
                 "the bending angle, which must grow: motion.return_rad must be none"
             )
-        self.prediction = predict_learning(scenario)
+        self.prediction = prediction or predict_learning(scenario)
         self.prediction.refuse_divergence()
         self._arms = [i for i, s in enumerate(SIDES) if s in scenario.compliance.sensing]
         self._start = start
@@ -101,12 +110,21 @@ class Series:
         None where the servos do not learn it. Another cell, of another seed, has another friction.
         InputError where the motion does not go to its end.
         """
+        run = self.rehearsal()
+        if run is not None:
+            return run.told(run.run())
+        learns = self.scenario.robot.servo.friction_estimate is not None
+        return self._start.friction if learns and self._start is not None else None
+
+    def rehearsal(self) -> Rehearsal | None:
+        """Return the motion that tells the friction; None where nothing has to tell it."""
+        start = self._start
+        known = start is not None and start.seed == self.scenario.seed
         if self.scenario.robot.servo.friction_estimate is None:
             return None
-        start = self._start
-        if start is not None and start.seed == self.scenario.seed and start.friction is not None:
-            return start.friction
-        return rehearsed_friction(self.scenario_of(1))
+        if known and start is not None and start.friction is not None:
+            return None
+        return Rehearsal(self.scenario_of(1))
 
     @property
     def sheets(self) -> int:
@@ -131,15 +149,21 @@ class Series:
         self, vary: Callable[[Scenario], Scenario] = lambda scenario: scenario
     ) -> tuple[Sheet, RunRecord]:
         """Run the next sheet and learn from it; ``vary`` says what is different about it."""
-        number = self.done + 1
-        motion = self._motion_of(number)
+        result = result_of(self.next_run(vary))
+        return self.learn(result), result
+
+    def next_run(self, vary: Callable[[Scenario], Scenario] = lambda scenario: scenario) -> Run:
+        """Return the run of the next sheet, made ready."""
+        motion = self._motion_of(self.done + 1)
         self._take(self._motion, motion)
         self._motion = motion
-        scenario = vary(self.scenario_of(number))
         parts: dict[str, Any] = {"correction": self.correction}
         if self.friction is not None:
             parts["friction"] = self.friction
-        result = result_of(make_run(scenario, **parts))
+        return make_run(vary(self.scenario_of(self.done + 1)), **parts)
+
+    def learn(self, result: RunRecord) -> Sheet:
+        """Learn from what became of the run of the next sheet."""
         force = self._force(result)
         note = self._why_not(result, force)
         if not note:
@@ -151,9 +175,9 @@ class Series:
             self._correction = self.prediction.law.update(
                 self._correction, moment, own, sheets=self.sheets + 1
             )
-        sheet = sheet_of(number, result, note, force, self._correction)
+        sheet = sheet_of(self.done + 1, result, note, force, self._correction)
         self._note(sheet)
-        return sheet, result
+        return sheet
 
     def _note(self, sheet: Sheet) -> None:
         self.done = sheet.sheet
@@ -193,44 +217,94 @@ class Series:
         )
 
 
-def run_series(
-    scenario: Scenario,
-    sheets: int,
-    folder: Path,
-    start: LearnedFile | None = None,
-    on_sheet: Callable[[Series, Sheet | None], None] = lambda *_: None,
-) -> list[Sheet]:
-    """Run sheets up to a number of them, each kept in the folder as it ends; return all.
+OnSheet = Callable[[Series, Sheet | None], None]
 
-    What was learned is in the folder's ``learned.json`` after every sheet. A sheet that does not
-    run to its end ends the series; the same call then goes on with the next one. ``on_sheet`` is
-    called before the first sheet, with None, and after each.
+
+@dataclass(frozen=True, kw_only=True)
+class _Kept:
+    """A series whose ``sheets`` are in a folder; ``keep`` adds one."""
+
+    series: Series
+    folder: Path
+    sheets: list[Sheet]
+    keep: Callable[[Sheet], None]
+
+    def bent(self, record: RunRecord | Exception) -> Sheet:
+        """Learn from the run of the next sheet and keep what it came to."""
+        sheet = self.series.learn(record_of(record))
+        self.keep(sheet)
+        self.sheets.append(sheet)
+        if self.series.sheets:
+            write_whole(self.folder / LEARNED, self.series.learned().to_json())
+        return sheet
+
+
+def run_series(
+    cells: Mapping[Path, Scenario],
+    sheets: int,
+    start: LearnedFile | None = None,
+    on_sheet: OnSheet = lambda *_: None,
+) -> list[list[Sheet]]:
+    """Bend sheets of cells, which differ in their seed, up to a number of them; return all.
+
+    Each is kept in the folder of its cell as it ends, what was learned in ``learned.json`` there.
+    The same sheet of all cells is a batch, each with the numbers that it has alone. A sheet that
+    does not run to its end ends its cell's series; the same call then goes on with the next one.
+    ``on_sheet`` is called for each cell before its first sheet, with None, and after each.
 
     Raises KeyboardInterrupt where it is interrupted: the sheets that ended are kept. InputError
-    where the folder is another study's or cannot be used, or as :class:`Series`.
+    where a folder is another study's or cannot be used, or as :class:`Series`.
     """
+    found, folders = list[list[Sheet]](), list(cells)
+    for first in range(0, len(folders), BATCH):
+        some = {folder: cells[folder] for folder in folders[first : first + BATCH]}
+        found += _run_together(some, sheets, start, on_sheet)
+    return found
+
+
+def _run_together(
+    cells: Mapping[Path, Scenario], sheets: int, start: LearnedFile | None, on_sheet: OnSheet
+) -> list[list[Sheet]]:
+    many: list[Series] = []
+    for scenario in cells.values():
+        many.append(Series(scenario, start, many[0].prediction if many else None))
+    with ExitStack() as opened:
+        kept = [
+            opened.enter_context(_opened(series, folder, start))
+            for series, folder in zip(many, cells, strict=True)
+        ]
+        for each in kept:
+            on_sheet(each.series, None)
+        left = [each for each in kept if len(each.sheets) < sheets]
+        _rehearse([each.series for each in left])
+        while left:
+            runs = (each.series.next_run() for each in left)
+            for i, record in run_many(runs, threads=os.cpu_count() or 1):
+                on_sheet(left[i].series, left[i].bent(record))
+            left = [
+                each
+                for each in left
+                if each.sheets[-1].outcome == "completed" and len(each.sheets) < sheets
+            ]
+    return [each.sheets for each in kept]
+
+
+@contextmanager
+def _opened(series: Series, folder: Path, start: LearnedFile | None) -> Iterator[_Kept]:
+    """Make the folder of a series or go on with it."""
     told = "" if start is None else hashlib.sha256(start.to_json().encode()).hexdigest()
-    about = {"versions": versions(), "scenario": scenario.to_toml(), "from": told}
-    kept = StudyFolder(folder=folder, row=Sheet, study=about)
-    series = Series(scenario, start)
-    with kept.opened(lambda row: row.sheet) as (old, keep):
-        done = sorted(old.values(), key=lambda row: row.sheet)
+    about = {"versions": versions(), "scenario": series.scenario.to_toml(), "from": told}
+    with StudyFolder(folder=folder, row=Sheet, study=about).opened(lambda row: row.sheet) as found:
+        rows, keep = found
+        done = sorted(rows.values(), key=lambda row: row.sheet)
         with refusing(f"--out {folder / RUNS}"):
             series.resume(done)
-        on_sheet(series, None)
-        for sheet in _left(series, sheets - len(done)):
-            keep(sheet)
-            done.append(sheet)
-            if series.sheets:
-                write_whole(folder / LEARNED, series.learned().to_json())
-            on_sheet(series, sheet)
-    return done
+        yield _Kept(series=series, folder=folder, sheets=done, keep=keep)
 
 
-def _left(series: Series, count: int) -> Iterator[Sheet]:
-    """Yield the sheets that are left, to the first that does not end as it should."""
-    for _ in range(count):
-        sheet, _ = series.next_sheet()
-        yield sheet
-        if sheet.outcome != "completed":
-            return
+def _rehearse(many: Sequence[Series]) -> None:
+    """Let cells tell the friction of their joints, all at once."""
+    runs = {i: run for i, series in enumerate(many) if (run := series.rehearsal()) is not None}
+    cells = list(runs)
+    for i, record in run_many(runs.values(), threads=os.cpu_count() or 1):
+        many[cells[i]].friction = runs[cells[i]].told(record_of(record))

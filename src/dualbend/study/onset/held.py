@@ -20,10 +20,11 @@ from dualbend.batch.many import run_many
 from dualbend.control.compliance.base import AxisConfig
 from dualbend.control.servo import JointServo
 from dualbend.errors import InputError, refusing
-from dualbend.run.record import RunRecord, whole
+from dualbend.run.record import RunRecord
 from dualbend.scenario.motion import MotionConfig
 from dualbend.scenario.path import ExactPathConfig
 from dualbend.scenario.scenario import Scenario
+from dualbend.study.ending import record_of
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Vector
 
@@ -121,9 +122,7 @@ def oscillate(
 
 
 def _oscillation(ready: BendingRun, record: RunRecord | Exception, axis: SingleAxis) -> Oscillation:
-    if isinstance(record, Exception):
-        raise record
-    trace, scenario = whole(record).trace, ready.scenario
+    trace, scenario = record_of(record).trace, ready.scenario
     name = "x" if axis == "x" else "alpha"
     side = next(side for side in SIDES if side in scenario.compliance.complying)
     limit = scenario.compliance.limit_x_m if axis == "x" else scenario.compliance.limit_rotation_rad

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
-from dualbend.errors import InputError
+from dualbend.errors import refuse_below_one
 from dualbend.evaluation.metrics import versions
 from dualbend.scenario.scenario import Scenario
 from dualbend.study.engine import Study
@@ -44,8 +44,7 @@ def run_study(
     be used; DualbendError where a worker process died; KeyboardInterrupt where it is interrupted:
     the trials that were done are in the folder, and the same call goes on.
     """
-    if runs < 1:
-        raise InputError(f"runs = {runs}: must be at least 1")
+    refuse_below_one(runs=runs)
     study = Study(
         design=[(index, case) for index in range(runs) for case in cases(scenario)],
         task=lambda key: (scenario, seed, *key),

@@ -18,11 +18,12 @@ from dualbend.batch.many import run_many
 from dualbend.control.compliance.admittance import ComplianceConfig
 from dualbend.errors import InputError
 from dualbend.run.make import make_run
-from dualbend.run.record import RunRecord, whole
+from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
 from dualbend.stability.margins import loop_margins
 from dualbend.stability.plant.environment import Environment, environments
 from dualbend.stability.sampled import LoopElements, environment_loops
+from dualbend.study.ending import record_of
 from dualbend.study.tuning.gains import Gains, Knob, knobs, softened, turned
 from dualbend.types import Vector
 
@@ -82,9 +83,7 @@ def simulate(cases: Iterable[tuple[Scenario, int]]) -> list[tuple[Vector, str]]:
 
 
 def _moments(record: RunRecord | Exception) -> tuple[Vector, str]:
-    if isinstance(record, Exception):
-        raise record
-    result = whole(record)
+    result = record_of(record)
     if result.outcome != "completed":
         return np.full(2, math.inf), f"{result.outcome}: {result.reason}"
     found = (result.metrics[name].value for name in ("rms_moment", "peak_moment"))

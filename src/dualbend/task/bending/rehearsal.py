@@ -7,7 +7,7 @@ import msgspec
 from dualbend.control.compliance.admittance import NoComplianceConfig
 from dualbend.errors import InputError
 from dualbend.imperfection.events import EventsConfig
-from dualbend.run.record import whole
+from dualbend.run.record import RunRecord, whole
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.observation import SensorSample
 from dualbend.task.bending.run import BendingRun
@@ -38,18 +38,15 @@ class Rehearsal(BendingRun):
         self.cell.simulation.take_sheet_away()
         return sample
 
+    def told(self, record: RunRecord) -> Vector:
+        """Return true over believed Coulomb friction (n,) of all joints, told by this run [-].
 
-def rehearsed_friction(scenario: Scenario) -> Vector:
-    """Return true over believed Coulomb friction (n,) of all joints, told by the path itself [-].
-
-    1 of a joint that the path does not move. InputError where the motion does not go to its end,
-    KeyboardInterrupt where the user ended it.
-    """
-    run = Rehearsal(scenario)
-    result = whole(run.run())
-    if result.outcome != "completed":
-        raise InputError(
-            "robot.servo.friction_estimate: the motion without a sheet ended with "
-            f"{result.outcome.replace('_', ' ')}: {result.reason}"
-        )
-    return run.cell.friction.ratio.copy()
+        1 of a joint that the path does not move. InputError where the motion did not go to its end,
+        KeyboardInterrupt where the user ended it.
+        """
+        if whole(record).outcome != "completed":
+            raise InputError(
+                "robot.servo.friction_estimate: the motion without a sheet ended with "
+                f"{record.outcome.replace('_', ' ')}: {record.reason}"
+            )
+        return self.cell.friction.ratio.copy()
