@@ -155,6 +155,22 @@ def test_a_pin_has_the_room_of_a_round_hole(clearance: float, degrees: float) ->
     assert 0.5 * (clearance - slack) <= high <= 0.5 * clearance + slack
 
 
+def test_trees_of_boxes_find_no_other_contacts_than_all_pairs_and_in_the_same_order() -> None:
+    """A cell with a bed goes without them: a run is the same to the bit."""
+    scene = Scene(ROUND, laid=1)
+    # In its holes, off their middle, a little deep: rings, feet, pins and bed touch.
+    scene.put(1.2e-4, 2e-5, -1e-5, 1e-3)
+    found = []
+    for _ in range(2):
+        mujoco.mj_forward(scene.model, scene.data)
+        contact = scene.data.contact
+        found.append([contact.geom.copy(), contact.dist.copy(), contact.frame.copy()])
+        scene.model.opt.disableflags ^= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
+    for with_trees, without_trees in zip(*found, strict=True):
+        np.testing.assert_array_equal(with_trees, without_trees)
+    assert len(np.unique(found[0][0])) > 40
+
+
 # --- falling on the pins ------------------------------------------------------------------------
 
 

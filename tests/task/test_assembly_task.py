@@ -886,6 +886,14 @@ def test_yielding_grips_let_the_sheet_hang_less_deep_and_push_less() -> None:
     assert 1.0 > softer[0] > softer[1] > softer[2] > 0.0
 
 
+def test_runs_of_one_sheet_find_its_force_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is half of what makes a run ready, and the same for all draws of a study."""
+    first = BentMiddle(STRIP, PATH, HEIGHT)
+    monkeypatch.setattr("dualbend.task.assembly.program.middle.solve_planar", None)
+    again = BentMiddle(replace(STRIP), PATH, HEIGHT)
+    assert (again.hang_m, again.force(HEIGHT)) == (first.hang_m, first.force(HEIGHT))
+
+
 def test_a_sheet_that_is_too_stiff_for_its_grips_is_refused() -> None:
     with pytest.raises(InputError, match=r"sheet\.thickness_m = 0\.0015: the bent sheet pushes"):
         BentMiddle(

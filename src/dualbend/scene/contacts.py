@@ -99,16 +99,15 @@ class UnintendedContacts:
 
     def on_step(self) -> None:
         """Look at the positions from which the last physics step went; most often, none touch."""
-        if self._data.ncon:
-            self.look(self._data.time - self._step_s)
+        data = self._data
+        # From step to step they are mostly the same.
+        if data.ncon and data.contact.geom.tobytes() != self._seen:
+            self.look(data.time - self._step_s)
 
     def look(self, time_s: float) -> None:
         """Add the pairs that touch now for the first time."""
         geoms = self._data.contact.geom
-        # From step to step they are mostly the same.
-        seen, self._seen = self._seen, geoms.tobytes()
-        if seen == self._seen:
-            return
+        self._seen = geoms.tobytes()
         for pair in geoms[self._unintended[geoms[:, 0], geoms[:, 1]]].tolist():
             first, second = sorted(pair, key=self._rank.item)
             self._found.setdefault((self._names[first], self._names[second]), time_s)

@@ -37,7 +37,7 @@ class Grippers:
         self._model, self._data = model, data
         self._thickness_m = thickness_m
         jaws = [[f"{side}_{jaw}" for jaw in arm.JAW_JOINTS] for side in SIDES]
-        self._jaw_q = np.array([[model.joint(j).qposadr[0] for j in pair] for pair in jaws])
+        self._jaw_q = np.array([[model.joint(j).qposadr[0] for j in pair] for pair in jaws]).T
         self._drives = np.array([[model.actuator(f"{j}_drive").id for j in p] for p in jaws])
         self._rubber = np.array([[model.geom(f"{j}_rubber").id for j in p] for p in jaws])
         self._pads = [model.site(f"{side}_{PAD_SITE}").id for side in SIDES]
@@ -46,8 +46,8 @@ class Grippers:
         self._end_turn = model.site_quat[self._ends].copy()
         # A site that is parallel to its body is compiled to stay so: its quaternion goes unread.
         model.site_sameframe[self._ends] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
-        self._holds = np.array([model.equality(f"{side}_hold").id for side in SIDES])
-        self._active = data.eq_active
+        left, right = (model.equality(f"{side}_hold").id for side in SIDES)
+        self._held = data.eq_active[left : right + 1]
         self._opening_m = self._squeeze_m = 0.0
 
     def reset(self, opening_m: float) -> None:
@@ -74,25 +74,26 @@ class Grippers:
     @property
     def gap_m(self) -> Vector:
         """Distance between the pads of each gripper (2,) [m], as its jaws' encoders tell."""
-        return np.asarray(self._data.qpos[self._jaw_q].sum(axis=1))
+        upper, lower = self._data.qpos.take(self._jaw_q)
+        return np.asarray(upper + lower)
 
     @property
     def holding(self) -> tuple[bool, bool]:
         """Which gripper holds the sheet."""
-        left, right = self._active.take(self._holds).tolist()
-        return bool(left), bool(right)
+        left, right = self._held.tolist()
+        return left, right
 
     def on_step(self) -> None:
         """Hold at once what both jaws press: a step later they would be through a thin sheet."""
-        if self._opening_m < self._thickness_m and not all(self.holding):
+        if self._opening_m < self._thickness_m and False in self._held.tolist():
             self.update()
 
     def update(self) -> None:
         """Hold what both jaws press, let go of what they no longer touch; once a cycle."""
-        for i, held in enumerate(self.holding):
-            if held and self.gap_m[i] > self._thickness_m + 2.0 * _LET_GO_M:
+        for i, (held, gap) in enumerate(zip(self.holding, self.gap_m.tolist(), strict=True)):
+            if held and gap > self._thickness_m + 2.0 * _LET_GO_M:
                 self._release(i)
-            elif not held and self.gap_m[i] > self._thickness_m + 2.0 * _WIDE_M:
+            elif not held and gap > self._thickness_m + 2.0 * _WIDE_M:
                 self._model.geom_conaffinity[self._rubber[i]] = GRIPPING
             elif not held and self._opening_m < self._thickness_m and self._pressed(i):
                 self._hold(i)
@@ -111,11 +112,11 @@ class Grippers:
         yaw = float(np.arctan2(along[1], along[0]))
         model.site_pos[self._ends[i]] = place[0], place[1], 0.0
         model.site_quat[self._ends[i]] = about_z(yaw)
-        data.eq_active[self._holds[i]] = 1
-        data.ctrl[self._drives[i]] = data.qpos[self._jaw_q[i]]
+        self._held[i] = True
+        data.ctrl[self._drives[i]] = data.qpos[self._jaw_q[:, i]]
         model.geom_conaffinity[self._rubber[i]] = 0
 
     def _release(self, i: int) -> None:
         self._model.site_pos[self._ends[i]] = self._end_place[i]
         self._model.site_quat[self._ends[i]] = self._end_turn[i]
-        self._data.eq_active[self._holds[i]] = 0
+        self._held[i] = False

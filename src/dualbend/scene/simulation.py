@@ -20,8 +20,6 @@ from dualbend.scene.sheet.strips import StripConfig
 from dualbend.scene.slip import SlidingGrips
 from dualbend.types import SIDES, Vector, indices
 
-Step = Callable[[mujoco.MjModel, mujoco.MjData], None]
-
 
 def _undivided() -> int:
     return 1
@@ -198,36 +196,27 @@ class Simulation:
         else:
             feed_forward = self.fed_forward(self.q, data.qvel.take(self._dofs))
         rows = setpoints + feed_forward / self.actuator_stiffness
-        divided, after = self.parts is not _undivided, self._after_step()
+        after, options, whole_s = self._after_step(), model.opt, model.opt.timestep
         step = mujoco.mj_step2  # what is observed is the first half of this step
         done = 0
         while done < self.steps:
             until = min(done + self.samples.to_next, self.steps)
             for row in rows[done:until]:
                 self._ctrl[:] = row
-                if divided:
-                    self._step_in_parts(step, after)
-                else:
+                parts = self.parts()
+                if parts > 1:
+                    options.timestep = whole_s / parts
+                for _ in range(parts):
                     step(model, data)
+                    step = mujoco.mj_step
                     for act in after:
                         act()
-                step = mujoco.mj_step
+                if parts > 1:
+                    options.timestep = whole_s
             if self.samples.passed(until - done):
                 self.samples.take(self.observer.sample(data))
             done = until
         return self.samples.told()
-
-    def _step_in_parts(self, step: Step, after: list[Callable[[], None]]) -> None:
-        """Make one physics step, its first part by ``step``."""
-        parts, options = self.parts(), self.model.opt
-        whole_s = options.timestep
-        options.timestep = whole_s / parts
-        for _ in range(parts):
-            step(self.model, self.data)
-            step = mujoco.mj_step
-            for act in after:
-                act()
-        options.timestep = whole_s
 
     def _after_step(self) -> list[Callable[[], None]]:
         """Return what is to be called after each physics step."""

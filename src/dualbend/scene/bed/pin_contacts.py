@@ -25,6 +25,11 @@ _WEDGED = 16.0
 They resolve :func:`dualbend.scene.bed.mjcf.wedged_contact`, which pins have then.
 """
 
+_MOST_PARTS = 32
+
+_TOLD = 7
+"""Numbers of each pin's sensors: net force, largest force of a contact, its distance."""
+
 _THICK_M = 0.5e-3
 """Sheets that are thinner than this are resolved finer in proportion: less of it comes through."""
 
@@ -54,13 +59,13 @@ class PinContacts:
         strips: StripConfig,
     ) -> None:
         self._data = data
-        holes, kinds = layout.holes.names, ("net", "edge", "distance")
+        holes = layout.holes.names
         self._count = len(holes)
-        at = np.array([[model.sensor(f"{k}_{hole}").adr[0] for hole in holes] for k in kinds])
-        # Python in every physics step: most often nothing touches a pin, which one look tells.
-        self._told = data.sensordata[at.min() : at.max() + 1]
-        at -= at.min()
-        self._read, self._distance = np.add.outer(at[:2].ravel(), np.arange(3)), at[2]
+        first = model.sensor(f"net_{holes[0]}").adr[0]
+        # Python in every physics step: what is told is only kept, and looked at once a cycle.
+        self._told = data.sensordata[first : first + _TOLD * self._count]
+        self._distance = self._told[_TOLD - 1 :: _TOLD]
+        self._steps = list[bytes]()
         self._sites = np.array([model.site(f"hole_{hole}").id for hole in holes])
         self._site_heights = data.site_xpos[:, 2]
         self._pins = np.column_stack((hole_places(layout.holes), [layout.bed.top_m] * self._count))
@@ -73,17 +78,13 @@ class PinContacts:
         self._height, self._near, self._tilts_m = [0.0] * self._count, False, _NEAR_M
         self._strips = [model.body(strip_body(i)).id for i in range(strips.hinges + 1)]
         self._model = model
-        self._too_thick = layout.thicker_m > layout.holes.clearance_m
+        too_thick = layout.thicker_m > layout.holes.clearance_m
+        self._thick: list[bool] = too_thick.tolist()
         self._jams, self._wedged = [False] * self._count, False
         pins = np.array([model.geom(f"pin_{hole}").id for hole in holes])
-        self._tips = pins[self._too_thick]
+        self._tips = pins[too_thick]
         usual = model.geom_solref[pins[0]].copy(), model.geom_solimp[pins[0]].copy()
         self._contacts = usual, wedged_contact(layout.pins.friction)
-        self._forget()
-
-    def _forget(self) -> None:
-        self._squared = np.zeros(2 * self._count)
-        self._least, self._deepest = np.full(self._count, np.inf), np.zeros(self._count)
 
     def _heights(self) -> list[float]:
         """Return the height of each hole's centre [m]."""
@@ -91,15 +92,8 @@ class PinContacts:
         return heights
 
     def on_step(self) -> None:
-        """Keep the peaks since the last :meth:`peaks`; once per physics step."""
-        if not np.count_nonzero(self._told):
-            self._least[:] = 0.0
-            return
-        force = self._told[self._read]
-        np.maximum(self._squared, np.einsum("ij,ij->i", force, force), out=self._squared)
-        depth = -self._told[self._distance]
-        np.minimum(self._least, depth, out=self._least)
-        np.maximum(self._deepest, depth, out=self._deepest)
+        """Keep what is told of the pins for :meth:`peaks`; once per physics step."""
+        self._steps.append(self._told.tobytes())
 
     def _wedge(self, wedged: bool) -> None:
         """Let pins that are too thick bear a hole all around, or touch as the others do."""
@@ -121,33 +115,37 @@ class PinContacts:
             self._wedge(False)
             return 1
         heights, needed, wedged = self._heights(), 0.0, False
-        depths = (-self._told[self._distance]).tolist()
-        lowest = self._struck_m - self._tilts_m
-        for now, before, depth, jams in zip(heights, self._height, depths, self._jams, strict=True):
+        lowest, distances = self._struck_m - self._tilts_m, self._distance.tolist()
+        holes = zip(heights, self._height, distances, self._jams, strict=True)
+        for now, before, distance, jams in holes:
             fall, above = before - now, now - self._tips_m
             if lowest < above < 3.0 * fall + self._tilts_m:
-                needed = max(needed, fall / _RESOLVED_M, 4.0 if depth > 0.0 else 0.0)
+                needed = max(needed, fall / _RESOLVED_M, 4.0 if distance < 0.0 else 0.0)
                 wedged = wedged or (jams and above < 0.0)
         self._height = heights
         self._wedge(wedged)
         needed = _WEDGED if wedged else min(needed, 8.0) * self._finer
-        return next((n for n in (1, 2, 4, 8, 16) if needed <= n), 32)
+        parts = 1
+        while parts < needed and parts < _MOST_PARTS:
+            parts *= 2
+        return parts
 
     def peaks(self) -> PinPeaks:
         """Return the peaks, and start again; once per command cycle."""
-        force, edge = np.sqrt(self._squared).reshape(2, self._count)
-        lasting = np.where(np.isinf(self._least), 0.0, self._least)
         self._height = self._heights()
-        above = np.array(self._height) - self._tips_m
-        away = np.abs(self.offsets()[:, :2]).max(axis=1)
+        away = [max(abs(x), abs(y)) for x, y, _ in self.offsets().tolist()]
         # A pin far from its hole meets the bent sheet higher or lower than the hole is.
-        self._tilts_m = _NEAR_M + min(_SLOPE * max(float(away.max()) - _FAR_M, 0.0), _MOST_M)
-        self._jams = (self._too_thick & (away < _FAR_M)).tolist()
-        near = (above > self._struck_m - self._tilts_m) & (above < _FALLS_FROM_M + self._tilts_m)
-        self._near = bool(np.any(near))
-        found = PinPeaks(force, edge, lasting, self._deepest)
-        self._forget()
-        return found
+        self._tilts_m = _NEAR_M + min(_SLOPE * max(max(away) - _FAR_M, 0.0), _MOST_M)
+        self._jams = [thick and far < _FAR_M for thick, far in zip(self._thick, away, strict=True)]
+        low, high = self._struck_m - self._tilts_m, _FALLS_FROM_M + self._tilts_m
+        self._near = any(low < height - self._tips_m < high for height in self._height)
+        told = np.frombuffer(b"".join(self._steps)).reshape(-1, self._count, _TOLD)
+        self._steps.clear()
+        if not np.count_nonzero(told):
+            return PinPeaks(*np.zeros((4, self._count)))
+        forces, depth = told[..., :-1].reshape(*told.shape[:2], 2, 3), 0.0 - told[..., -1]
+        force, edge = np.sqrt(np.einsum("...i,...i", forces, forces).max(axis=0)).T
+        return PinPeaks(force, edge, depth.min(axis=0), depth.max(axis=0))
 
     def offsets(self) -> Vector:
         """Return (n, 3): each hole's centre from its pin's axis, x and y [m], and its height [m].

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import msgspec
 import numpy as np
@@ -36,7 +36,7 @@ from dualbend.task.assembly.program.motions import PHASES, Goal, Posture, Sensed
 from dualbend.task.assembly.program.table import AssemblyProgram
 from dualbend.task.assembly.stiffness import grip_yields, object_stiffness, stable_rate
 from dualbend.task.assembly.workplace import check_workplace
-from dualbend.types import SIDES, PlanarPose, Side, Vector, Wrench
+from dualbend.types import SIDES, PlanarPose, Side, Vector
 
 LONGEST_S, ATTEMPT_S = 180.0, 20.0
 """A sheet is laid within the first, and the second for each attempt, or the run is given up."""
@@ -122,7 +122,9 @@ class AssemblyRun(Run):
         self.plan = assembly_plan(scenario)
         self.scenario = scenario
         self.config, sheet = assembly_of(scenario), scenario.sheet.sheet()
-        self._path = scenario.path.make(sheet.length_m)
+        path = scenario.path.make(sheet.length_m)
+        # In most cycles the sheet is bent as it was in the last one.
+        self._on_path = lru_cache(maxsize=1)(path.at)
         limit = scenario.limit_strain
         assert limit is not None  # an assembly has one
         told = scenario.sensor
@@ -133,7 +135,7 @@ class AssemblyRun(Run):
             config=self.config,
             sheet=sheet,
             grasp=scenario.grasp,
-            path=self._path,
+            path=path,
             touch_rad=self.plan.range.reach_rad,
             uneven_m=self.plan.uneven_m(scenario.path.end_rad),
             bend_speed_rad_per_s=scenario.motion.speed_rad_per_s,
@@ -161,7 +163,7 @@ class AssemblyRun(Run):
         self.pins = PinContacts(
             simulation.model, simulation.data, layout, cell.sheet, scenario.sheet.strips
         )
-        simulation.on_step.append(self.on_step)
+        simulation.on_step += [self.pins.on_step, self.grippers.on_step]
         simulation.parts = self.pins.parts
         if self.config.compliance is not None:
             self.stiffness = self._stiffness(cell)
@@ -169,7 +171,7 @@ class AssemblyRun(Run):
             self._mobility = rate / self.stiffness
 
     def _pose(self, posture: Posture) -> Vector:
-        half, rise = self._path.at(posture.alpha)
+        half, rise = self._on_path(posture.alpha)
         return np.array([-half - posture.retreat, rise, posture.alpha])
 
     def _targets(self) -> dict[Side, Vector]:
@@ -218,11 +220,6 @@ class AssemblyRun(Run):
     def lessons(self) -> tuple[TableRow, ...]:
         """What was found with each sheet so far."""
         return tuple(lesson.row() for lesson in self._task.state.memory.lessons)
-
-    def on_step(self) -> None:
-        """Follow pins and jaws after every physics step."""
-        self.pins.on_step()
-        self.grippers.on_step()
 
     def start(self) -> SensorSample:
         """Put the arms beside the stand, jaws open, and a sheet upon it."""
@@ -302,6 +299,8 @@ class AssemblyRun(Run):
         reading = self.read(seen)
         bending = reading.filtered.in_bending_frame(np.array([alpha]))
         net = net_wrench(bending, -x, float(place[3]))
+        # Of each arm along its bending frame, x from the arm to the sheet; 0 without a sensor.
+        felt = np.where(np.isnan(bending.components), 0.0, bending.components)
         deviation = self._comply(goal, net)
         self._note(goal, laid, deviation, net)
         moved = place + self._delay.update(deviation)[[0, 1, 2, 2]] * [1.0, 1.0, 0.0, 1.0]
@@ -314,9 +313,9 @@ class AssemblyRun(Run):
         self.grippers.update()
         sensed = Sensed(
             net=net,
-            vertical=_along(bending, 2),
-            moment=_along(bending, 4),
-            tension=float(_along(bending, 0).mean()),
+            vertical=felt[:, 2],
+            moment=felt[:, 4],
+            tension=float(felt[:, 0].mean()),
             gap=self.grippers.gap_m,
             error_m=_error(targets, grip),
             place=_between(grip),
@@ -376,15 +375,6 @@ class AssemblyRun(Run):
 
 def _place(posture: Posture) -> Vector:
     return np.array([posture.x, posture.y, posture.z, posture.yaw])
-
-
-def _along(bending: Wrench, axis: int) -> Vector:
-    """Return a component of the wrench on each arm, in its bending frame (2,); 0 without a sensor.
-
-    x leads from the arm to the sheet, z up; moments follow the forces.
-    """
-    component = bending.components[:, axis]
-    return np.where(np.isnan(component), 0.0, component)
 
 
 def _error(targets: Targets, grip: Vector) -> float:

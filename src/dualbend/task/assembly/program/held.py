@@ -80,7 +80,7 @@ class Slack:
 
     def excess(self, state: State) -> float:
         """Return the tension beyond what is let be [N]."""
-        tension, alpha = state.mean(quick=True).tension, state.posture.alpha
+        tension, alpha = float(state.mean_of("tension", quick=True)), state.posture.alpha
         lowest = -self.force - (self.buckling_n if alpha else 0.0)
         return 0.0 if alpha > self.flat_rad else tension - min(max(tension, lowest), self.force)
 

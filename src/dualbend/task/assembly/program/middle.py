@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import root
 
 from dualbend.beam.path import BendingPath
-from dualbend.beam.rod.planar import RodState, solve_planar
+from dualbend.beam.rod.planar import solve_planar
+from dualbend.beam.rod.state import GripLoad
 from dualbend.beam.sheet import GRAVITY_M_PER_S2, Sheet
 from dualbend.errors import InputError
 from dualbend.types import Vector
@@ -75,31 +77,36 @@ def _forces(sheet: Sheet, path: BendingPath, yields: Yields, heights_m: Vector) 
     """
     bend_rad = float(path.knots[-1])
     half, rise = path.at(bend_rad)
-    sent, weight = np.array([-half, rise, bend_rad]), sheet.mass_kg * GRAVITY_M_PER_S2
-    moved, forces = np.zeros(3), []
-
-    def state(by: Vector, height: float) -> RodState:
-        x, z, alpha = (sent + by).tolist()
-        grip, middle, half_length = (x, z, alpha), (0.0, height, 0.0), 0.5 * sheet.length_m
-        found = solve_planar(
-            sheet.bending_stiffness_nm2,
-            half_length,
-            grip,
-            middle,
-            weight / sheet.length_m,
-            axial_stiffness_n=sheet.axial_stiffness_n,
-        )
-        if not found.converged:
-            raise InputError(
-                f"the force of the bent sheet held {1e3 * height:.2f} mm up was not found "
-                f"({found.reason}): the contact force could not be evaluated"
-            )
-        return found
+    sent, moved, forces = np.array([-half, rise, bend_rad]), np.zeros(3), []
 
     def left_over(by: Vector, height: float) -> Vector:
-        return yields(np.array(state(by, height).left)) - by
+        return yields(np.array(_ends(sheet, *(sent + by).tolist(), height)[0])) - by
 
     for height in heights_m.tolist():
         moved = root(left_over, moved, args=(height,), tol=1e-10).x
-        forces.append(-2.0 * state(moved, height).right.force_z_n)
+        forces.append(-2.0 * _ends(sheet, *(sent + moved).tolist(), height)[1].force_z_n)
     return np.array(forces)
+
+
+@lru_cache(maxsize=2048)
+def _ends(
+    sheet: Sheet, x_m: float, z_m: float, alpha_rad: float, height_m: float
+) -> tuple[GripLoad, GripLoad]:
+    """Return the loads of half the sheet's ends: grip at x, z, α, level middle at a height.
+
+    Kept for the runs of a study, whose robots believe in one sheet: half a run's preparation.
+    """
+    found = solve_planar(
+        sheet.bending_stiffness_nm2,
+        0.5 * sheet.length_m,
+        (x_m, z_m, alpha_rad),
+        (0.0, height_m, 0.0),
+        sheet.mass_kg * GRAVITY_M_PER_S2 / sheet.length_m,
+        axial_stiffness_n=sheet.axial_stiffness_n,
+    )
+    if not found.converged:
+        raise InputError(
+            f"the force of the bent sheet held {1e3 * height_m:.2f} mm up was not found "
+            f"({found.reason}): the contact force could not be evaluated"
+        )
+    return found.left, found.right

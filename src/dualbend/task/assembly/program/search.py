@@ -210,7 +210,7 @@ class Turn(Motion):
         """Go on until the motion's time is over, or the pins push back."""
         if state.cycle >= state.quick_cycles:
             way = math.copysign(1.0, state.end.yaw - state.begin.yaw)
-            net = state.mean(quick=True).net
+            net = state.mean_of("net", quick=True)
             if -way * state.contact_wrench(net, self.centre)[2] > self.most:
                 return False
         return super().advance(state)

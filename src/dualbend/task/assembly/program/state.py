@@ -139,25 +139,33 @@ class State:
     def came(self) -> Vector:
         """Return where the sheet came to, from where it was in the air (3,)."""
         assert self.free is not None
-        return self.mean().place - self.free.place
+        return self.mean_of("place") - self.free.place
 
     def mean(self, *, quick: bool = False) -> Sensed:
         """Return the mean of the last measurements, and the largest error of the grips."""
-        last = list(self.seen)[-self.quick_cycles :] if quick else list(self.seen)
         return Sensed(
-            net=np.mean([s.net for s in last], axis=0),
-            vertical=np.mean([s.vertical for s in last], axis=0),
-            moment=np.mean([s.moment for s in last], axis=0),
-            tension=float(np.mean([s.tension for s in last])),
-            gap=np.mean([s.gap for s in last], axis=0),
-            error_m=max(s.error_m for s in last),
-            place=np.mean([s.place for s in last], axis=0),
+            net=self.mean_of("net", quick=quick),
+            vertical=self.mean_of("vertical", quick=quick),
+            moment=self.mean_of("moment", quick=quick),
+            tension=float(self.mean_of("tension", quick=quick)),
+            gap=self.mean_of("gap", quick=quick),
+            error_m=max(sensed.error_m for sensed in self._last(quick=quick)),
+            place=self.mean_of("place", quick=quick),
         )
+
+    def mean_of(self, name: str, *, quick: bool = False) -> Vector:
+        """Return the mean of the last measurements of one quantity of `Sensed`."""
+        of_all = [getattr(sensed, name) for sensed in self._last(quick=quick)]
+        return np.asarray(np.mean(of_all, axis=0))
+
+    def _last(self, *, quick: bool) -> list[Sensed]:
+        last = list(self.seen)
+        return last[-self.quick_cycles :] if quick else last
 
     def support(self, *, quick: bool = False) -> float:
         """Return the force that holds the sheet up besides the arms [N]."""
         assert self.free is not None
-        return float(self.mean(quick=quick).net[2] - self.free.net[2])
+        return float(self.mean_of("net", quick=quick)[2] - self.free.net[2])
 
     def end_support(self, *, quick: bool = False, shares: Vector = _ALIKE) -> float:
         """Return what holds an arm up besides the middle pins, the larger one of both [N].
@@ -169,7 +177,7 @@ class State:
     def ends_held_up(self, *, quick: bool = False) -> Vector:
         """Return what holds each arm up besides the middle pins (2,) [N]."""
         assert self.seated is not None
-        return self.mean(quick=quick).vertical - self.seated.vertical
+        return self.mean_of("vertical", quick=quick) - self.seated.vertical
 
     def grip_error(self) -> float:
         """Return the distance of the grips from where they were sent [m]."""
