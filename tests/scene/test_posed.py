@@ -55,6 +55,21 @@ def test_worlds_are_placed_as_each_is_alone(threads: int) -> None:
         assert_same(worlds.frames(q), [one.frames(own) for one, own in zip(alone, q, strict=True)])
 
 
+def test_no_grip_is_farther_from_a_joint_than_the_reach(model: mujoco.MjModel) -> None:
+    """From the joints' axes' anchors at any angles; the arm stretched out is nearly as long."""
+    posed, data, rng = PosedArms(model, GRIPS), mujoco.MjData(model), np.random.default_rng(4)
+    farthest = 0.0
+    for _ in range(300):
+        data.qpos[:] = rng.uniform(-np.pi, np.pi, model.nq)
+        mujoco.mj_kinematics(model, data)
+        for name, own in zip(GRIPS, (slice(0, 6), slice(6, 12)), strict=True):
+            off = data.site(name).xpos - data.xanchor[own]
+            farthest = max(farthest, np.linalg.norm(off, axis=1).max())
+    assert 0.85 * posed.reach < farthest <= posed.reach
+    worlds = PosedWorlds([model, robots(0.1)], GRIPS)
+    np.testing.assert_allclose(worlds.reach, posed.reach, rtol=1e-12)
+
+
 PERIOD_S, CYCLES = 0.028, 100
 
 

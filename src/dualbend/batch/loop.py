@@ -78,7 +78,8 @@ class BatchLoop:
         self._friction = np.stack([cell.friction.ratio for cell in cells])[:, np.newaxis]
         self._integral = make_integral(scenario, robots[0], shape)
         self._response = make_response(scenario, first.cell.arms, shape)
-        self._response.reset(np.stack([cell.home for cell in cells]))
+        self._q = np.stack([cell.home for cell in cells])
+        self._response.reset(self._q)
         self._near = PoseCorrection(robots[0], PosedWorlds(robots, GRIPS, threads))
         errors = scenario.imperfections.robot
         believed = BelievedArms(PosedWorlds(robots, SITES, threads))
@@ -89,7 +90,6 @@ class BatchLoop:
             self._physics.fed_forward = believed.coriolis
         self._motion(runs)
         self.trace = first.recorder(int(self.cycles.max()), shape)
-        self._q = np.stack([cell.home for cell in cells])
         self.left: Mask = np.zeros(n, dtype=np.bool_)
 
     def _motion(self, runs: Sequence[BendingRun]) -> None:
@@ -184,7 +184,8 @@ class BatchLoop:
         setpoints = self._servo.setpoint(
             now.position, now.velocity, now.acceleration, self._friction
         )
-        self._sample = physics.advance(setpoints + offset[:, np.newaxis], self.active)
+        setpoints += offset[:, np.newaxis]
+        self._sample = physics.advance(setpoints, self.active)
         self._leave(physics.failed)
         wall_s = (time.perf_counter() - self._began) / len(self._runs)
         self.trace.record_control(self._observed, command, solution, wall_s, ages)
