@@ -96,7 +96,7 @@ class PlanarRun(Run):
         return True
 
     def _setpoint(self, command: Command) -> IKSolution:
-        """Return the joint angles of a command: near the nominal ones, or by mink alone."""
+        """Return the joint angles of a command: from the last ones, or by mink alone."""
         pose, aside = command.pose.coordinates, command.aside
         if self.nominal_q is not None:
             solution = self._near.solve(pose, aside, self._q)
