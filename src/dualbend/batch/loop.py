@@ -24,7 +24,7 @@ from dualbend.run.cell import RobotCell, make_guard, make_integral, make_respons
 from dualbend.run.planar import has_snapped
 from dualbend.run.record import RunRecord
 from dualbend.scene.believed import GRIPS, SITES, BelievedArms, Measured
-from dualbend.scene.correction import PoseCorrection, grip_frames
+from dualbend.scene.correction import PoseCorrection
 from dualbend.scene.observation import PLANAR
 from dualbend.scene.posed import PosedWorlds
 from dualbend.scene.warnings import warnings_counted_only
@@ -81,7 +81,8 @@ class BatchLoop:
         )
         self._integral = make_integral(scenario, robots[0], shape)
         self._response = make_response(scenario, first.cell.arms, shape)
-        self._response.reset(np.stack([cell.home for cell in cells]))
+        self._q = np.stack([cell.home for cell in cells])
+        self._response.reset(self._q)
         self._near = PoseCorrection(robots[0], PosedWorlds(robots, GRIPS, threads))
         errors = scenario.imperfections.robot
         believed = BelievedArms(PosedWorlds(robots, SITES, threads))
@@ -92,7 +93,6 @@ class BatchLoop:
             self._physics.fed_forward = believed.coriolis
         self._motion(runs)
         self.trace = first.recorder(int(self.cycles.max()), shape)
-        self._q = self._nominal_q[0].copy()
         self.left: Mask = np.zeros(n, dtype=np.bool_)
 
     def _motion(self, runs: Sequence[BendingRun]) -> None:
@@ -109,7 +109,6 @@ class BatchLoop:
         self._drawn = np.stack(
             (self._poses[..., 2], -self._poses[..., 0], self._poses[..., 1]), axis=-1
         )
-        self._nominal_q = table(run.nominal_q for run in runs if run.nominal_q is not None)
         self._phases = table(run.motion.phase for run in runs)
         errors = [run.grip_errors for run in runs if run.grip_errors is not None]
         self._grip_errors = table(errors) if errors else None
@@ -172,13 +171,11 @@ class BatchLoop:
 
     def act(self, action: Vector | None = None) -> None:
         """End the cycle: command what the controllers answer, or deviations (n, 2, 6) instead."""
-        physics, n = self._physics, self.trace.rows - 1
+        physics = self._physics
         command = self._path.command(self._observed, action)
         if self._one_by_one is not None:
             self._leave(self._one_by_one.failed)
-        start = self._nominal_q[n] + (self._q - self._nominal_q[max(n - 1, 0)])
-        frames = grip_frames(command.pose.coordinates, command.aside)
-        solution = self._near.solve(*frames, start)
+        solution = self._near.solve(command.pose.coordinates, command.aside, self._q)
         self._leave(~np.asarray(solution.reached))
         self._q = solution.q
         sent, ages = self._q, _NO_AGES
@@ -193,7 +190,8 @@ class BatchLoop:
         setpoints = self._servo.setpoint(
             now.position, now.velocity, now.acceleration, self._friction.ratio[:, np.newaxis]
         )
-        self._sample = physics.advance(setpoints + offset[:, np.newaxis], self.active)
+        setpoints += offset[:, np.newaxis]
+        self._sample = physics.advance(setpoints, self.active)
         self._leave(physics.failed)
         wall_s = (time.perf_counter() - self._began) / len(self._runs)
         self.trace.record_control(self._observed, command, solution, wall_s, ages)

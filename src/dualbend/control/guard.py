@@ -88,6 +88,7 @@ class Guard:
         over = np.nextafter((self._following, self._speed_limit), np.inf)
         bounds = np.array([(*-over, -self._torque_limit, low), (*over, self._torque_limit, high)])
         self._low, self._high = bounds.reshape(2, 4, *[1] * len(shape), len(joints))
+        self._values = np.empty((4, *shape, len(joints)))
         self._cycles_at_limit = np.zeros((*shape, len(joints)), dtype=np.int_)
         self._sides: tuple[Side, ...] = tuple(
             side for joint in joints for side in SIDES if joint.startswith(side)
@@ -106,7 +107,7 @@ class Guard:
         Mask
             (4, ..., n): by following error, speed, cycles in a row at the torque limit, range.
         """
-        values = np.empty((4, *q.shape))
+        values = self._values
         np.subtract(q, reference, out=values[0])
         values[1], values[2], values[3] = speed, torque, q
         outside: Mask = values <= self._low

@@ -14,7 +14,7 @@ from dualbend.run.record import task_of
 from dualbend.scenario.motion import NominalMotion
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.believed import GRIPS
-from dualbend.scene.correction import PoseCorrection, grip_frames
+from dualbend.scene.correction import PoseCorrection
 from dualbend.scene.ik import IKSolution, grip_targets
 from dualbend.scene.observation import SensorSample
 from dualbend.scene.posed import PosedArms
@@ -92,15 +92,14 @@ class PlanarRun(Run):
         observed, command = yield from self.control(
             seen, self.phases[phase], PlanarPose(nominal), reading
         )
-        self.send(self._setpoint(n, command), observed, command, free=self.free)
+        self.send(self._setpoint(command), observed, command, free=self.free)
         return True
 
-    def _setpoint(self, cycle: int, command: Command) -> IKSolution:
-        """Return the joint angles of a command: near the nominal ones, or by mink alone."""
+    def _setpoint(self, command: Command) -> IKSolution:
+        """Return the joint angles of a command: from the last ones, or by mink alone."""
         pose, aside = command.pose.coordinates, command.aside
         if self.nominal_q is not None:
-            start = self.nominal_q[cycle] + (self._q - self.nominal_q[max(cycle - 1, 0)])
-            solution = self._near.solve(*grip_frames(pose, aside), start)
+            solution = self._near.solve(pose, aside, self._q)
             if solution.reached:
                 return solution
         return self.solve(grip_targets(pose, aside))

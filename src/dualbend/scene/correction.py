@@ -1,40 +1,52 @@
-"""Set-points of poses beside nominal ones, whose set-points mink has solved: Newton's method."""
+"""Set-points of poses near nominal ones, whose set-points mink has solved: Newton's method."""
 
 from __future__ import annotations
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from dualbend.control.alter import turn
 from dualbend.scene.ik import IKSolution
 from dualbend.scene.observation import BENDING_TO_WORLD
 from dualbend.scene.posed import Posed
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Vector, matvec
 
 _POSE = 6
 _MAX_STEPS = 6
-"""One or two are enough for deviations of millimetres."""
+"""One is enough in most cycles of a run."""
 
 _RESTS = 1e-10
 """Residual [m, rad] that is left: set-points that stayed for less would be a dead zone."""
 
-_CURVATURE = 60.0
-"""Of a grip at most R from all joints a step by dq leaves at most ½ R (Σ|dqᵢ|)² <= 3 R Σ dqᵢ²: with
-this number for R up to 20 m."""
-
-_ABOVE, _BELOW = np.array([7, 2, 3]), np.array([5, 6, 1])
-"""Where a matrix (9,) has its skew part: r₃₂ − r₂₃, r₁₃ − r₃₁, r₂₁ − r₁₂."""
-
 _HALF_TURN = np.stack((np.eye(3), np.diag([-1.0, -1.0, 1.0])))
 """Axes of both arms' bending frames in the world (2, 3, 3)."""
 
+_PITCHED = np.zeros((3, 3, 3))
+_PITCHED[0, 0, 0] = _PITCHED[0, 2, 2] = _PITCHED[1, 2, 0] = _PITCHED[2, 1, 1] = 0.5
+_PITCHED[1, 0, 2] = -0.5
+_PITCHED_EACH = (_PITCHED @ _HALF_TURN[:, np.newaxis]).reshape(2, 3, 9)
+"""½ Rᵀ (2, 3, 9) of both grips that are pitched by α, per cos α, sin α and 1."""
+
+_SKEW = np.zeros((9, 3))
+_SKEW[[5, 6, 1], [0, 1, 2]], _SKEW[[7, 2, 3], [0, 1, 2]] = 1.0, -1.0
+"""Takes a matrix (9,) to r₂₃ − r₃₂, r₃₁ − r₁₃, r₁₂ − r₂₁."""
+
+_SIGNS, _INWARD, _ONES = BENDING_TO_WORLD[:, ::2].copy(), BENDING_TO_WORLD[:, 1].copy(), np.ones(6)
+
+_TWISTS = np.zeros((2, _POSE, 3))
+_TWISTS[:, [0, 2, 4], [0, 1, 2]] = BENDING_TO_WORLD[:, [0, 2, 1]]
+"""Of both grips in the world (2, 6, 3), per x, z and α in their bending frames."""
+
 
 class PoseCorrection:
-    """Joint angles (..., n) of grip poses near those of known angles, one world or many.
+    """Joint angles (..., n) of grip poses that follow one another, of one world or many.
 
     Newton's method on the arms' own Jacobians, ``q ← q + J⁻¹ e``, with the grip's error e in the
-    world, ``[p* − p; ½ Σ rᵢ × r*ᵢ]``, to well within mink's tolerances. Arms of six
-    joints only: J (..., 2, 6, 6) of both arms is square.
+    world, ``[p* − p; ½ Σ rᵢ × r*ᵢ]``. It starts where the last angles lead to, by the last J⁻¹
+    times the change of the pose and by what that missed the last time. A step dq leaves at most
+    ½ R (Σ|dqᵢ|)², R the arm's reach: where that is little enough nobody looks again. Each world has
+    a memory of its own. Arms of six joints only: J (..., 2, 6, 6) of both arms is square.
 
     Parameters
     ----------
@@ -45,8 +57,18 @@ class PoseCorrection:
     """
 
     def __init__(self, model: mujoco.MjModel, posed: Posed) -> None:
-        self._posed = posed
+        self._posed, self._half_reach = posed, np.asarray(0.5 * posed.reach)
         self._lower, self._upper = model.jnt_range.T
+        self._q: Vector | None = None
+        worlds = self._half_reach.shape
+        # What a call computes first, without allocating it anew.
+        self._places = places = np.empty((*worlds, 2, 3))
+        self._in_plane, self._lateral = places[..., ::2], places[..., 1]
+        self._circle = circle = np.ones((*worlds, 2, 1, 3))
+        self._cosine, self._sine = circle[..., 0, 0], circle[..., 0, 1]
+        self._sought = np.empty((*worlds, 2, _POSE, 4))
+        self._sought[..., 1:] = _TWISTS
+        self._error = self._sought[..., 0]
 
     @staticmethod
     def suits(model: mujoco.MjModel) -> bool:
@@ -56,125 +78,99 @@ class PoseCorrection:
         ]
         return counts == [_POSE, _POSE]
 
-    def solve(self, places: Vector, axes: Vector, start: Vector) -> IKSolution:
-        """Return the angles for grips at places (..., 2, 3) with axes (..., 2, 3, 3) in the world.
+    def solve(self, pose: Vector, aside: Vector, last: Vector) -> IKSolution:
+        """Return the angles for grips at x, z [m], α [rad]; aside y [m], roll and yaw [rad].
 
-        A world that is not reached (a joint's limit, a singular pose) has its last angles. Its
-        residuals are bounds from above where the last step was too short to need a look.
+        Both (..., 2, 3), each in its arm's bending frame, with the axes that
+        :func:`dualbend.control.alter.turn` has there. ``last`` (..., n): of the last cycle. Where
+        they are not the very array that was returned for it, nothing is remembered.
+
+        A world that is not reached (a joint's limit, a singular pose) has the angles that it came
+        to. Residuals are bounds from above.
         """
-        if start.ndim == 1:
-            return self._solve_one(places, axes, start)
-        q, steps = start, np.zeros(start.shape[:-1], dtype=np.int_)
-        left = np.ones(start.shape[:-1], dtype=np.bool_)
-        residual, halves = np.empty((*start.shape[:-1], 2)), _halves(axes)
-        for step in range(_MAX_STEPS + 1):
-            error = self._error(q, places, halves)
-            found = _residuals(error)
-            np.copyto(residual, found, where=left[..., np.newaxis])
-            left = left & (np.maximum(found[..., 0], found[..., 1]) > _RESTS)
-            if step == _MAX_STEPS or not np.count_nonzero(left):
-                break
-            turns = _solved(self._posed.jacobian(), error).reshape(q.shape)
-            moved = q + turns
-            inside = (moved > self._lower) & (moved < self._upper)
-            if not inside.all():
-                left = left & inside.all(axis=-1)
-            q = moved if left.all() else np.where(left[..., np.newaxis], moved, q)
-            steps += left
-            at_most = _left_at_most(turns)
-            rests = left & (at_most <= _RESTS)
-            if np.count_nonzero(rests):
-                np.copyto(residual, at_most[..., np.newaxis], where=rests[..., np.newaxis])
-                left = left & ~rests
-                if not np.count_nonzero(left):
-                    break
+        if last is not self._q:
+            self._pose, self._missed = pose, np.zeros(last.shape)
+            self._gain = np.zeros((*pose.shape[:-1], _POSE, 3))
+        foreseen = last + matvec(self._gain, pose - self._pose).reshape(last.shape)
+        start, halves = foreseen + self._missed, self._aim(pose, aside)
+        self._look(start, halves)
+        turns, self._gain = self._newton()
+        q = start + turns.reshape(last.shape)
+        inside, residual = (q > self._lower) & (q < self._upper), self._left_at_most(turns)
+        steps: int | NDArray[np.int_] = 1
+        if np.count_nonzero(inside) < q.size or np.count_nonzero(residual > _RESTS):
+            left = inside.all(axis=-1)
+            q = np.where(left[..., np.newaxis], q, last)
+            q, residual, steps = self._go_on(q, np.where(left, residual, np.inf), halves)
+        self._q, self._pose, self._missed = q, pose, q - foreseen
         return IKSolution(
-            q=q,
-            position_residual_m=residual[..., 0],
-            rotation_residual_rad=residual[..., 1],
-            iterations=steps,
+            q=q, position_residual_m=residual, rotation_residual_rad=residual, iterations=steps
         )
 
-    def _solve_one(self, places: Vector, axes: Vector, start: Vector) -> IKSolution:
-        """Do the same for one world, whose decisions are plain numbers: half the time."""
-        q, steps, halves = start, 0, _halves(axes)
-        while True:
-            error = self._error(q, places, halves)
-            position, rotation = _residuals(error).tolist()
-            if max(position, rotation) <= _RESTS or steps == _MAX_STEPS:
+    def _go_on(
+        self, q: Vector, residual: Vector, halves: Vector
+    ) -> tuple[Vector, Vector, NDArray[np.int_]]:
+        """Look at worlds that may not be there yet, and go on with those that are not."""
+        left, steps = np.isfinite(residual) & (residual > _RESTS), np.ones(residual.shape, np.int_)
+        while np.count_nonzero(left):
+            self._look(q, halves)
+            residual = np.where(left, _largest(self._error), residual)
+            left = left & (residual > _RESTS) & (steps < _MAX_STEPS)
+            if not np.count_nonzero(left):
                 break
-            turns = _solved(self._posed.jacobian(), error).ravel()
-            moved = q + turns
-            if not ((moved > self._lower) & (moved < self._upper)).all():
-                break
-            q, steps, at_most = moved, steps + 1, float(_left_at_most(turns))
-            if at_most <= _RESTS:
-                position = rotation = at_most
-                break
-        return IKSolution(
-            q=q,
-            position_residual_m=position,
-            rotation_residual_rad=rotation,
-            iterations=steps,
-        )
+            turns, _ = self._newton()
+            moved, steps = q + turns.reshape(q.shape), steps + left
+            inside = ((moved > self._lower) & (moved < self._upper)).all(axis=-1)
+            at_most = np.where(inside, self._left_at_most(turns), np.inf)
+            residual, left = np.where(left, at_most, residual), left & inside
+            q, left = np.where(left[..., np.newaxis], moved, q), left & (residual > _RESTS)
+        return q, residual, steps
 
-    def _error(self, q: Vector, places: Vector, halves: Vector) -> Vector:
-        """Return e (..., 2, 6) of axes that are given as ½ R*ᵀ."""
+    def _aim(self, pose: Vector, aside: Vector) -> Vector:
+        """Note the places of poses in the world; return ½ R*ᵀ (..., 2, 3, 3) of their axes."""
+        pitch = pose[..., 2]
+        np.multiply(pose[..., :2], _SIGNS, out=self._in_plane)
+        np.multiply(aside[..., 0], _INWARD, out=self._lateral)
+        if np.count_nonzero(aside):
+            angles = np.stack((aside[..., 1], pitch, aside[..., 2]), axis=-1)
+            return np.multiply((_HALF_TURN @ turn(angles)).mT, 0.5, order="C")
+        np.cos(pitch, out=self._cosine)
+        np.sin(pitch, out=self._sine)
+        return np.asarray(self._circle @ _PITCHED_EACH).reshape(*pose.shape, 3)
+
+    def _look(self, q: Vector, halves: Vector) -> None:
+        """Note e (..., 2, 6) of grips that are to be at their places with axes ½ R*ᵀ."""
         grips, axes = self._posed.frames(q)
+        error = self._error
+        np.subtract(self._places, grips, out=error[..., :3])
         # Σ rᵢ × r*ᵢ is twice the skew part of R* Rᵀ.
-        turns = (axes.reshape(halves.shape) @ halves).reshape(axes.shape)
-        error = np.empty((*places.shape[:-1], _POSE))
-        np.subtract(places, grips, out=error[..., :3])
-        below, above = turns.take(_BELOW, axis=-1), turns.take(_ABOVE, axis=-1)
-        np.subtract(below, above, out=error[..., 3:])
-        return error
+        turned = axes.reshape(halves.shape) @ halves
+        np.matmul(turned.reshape(axes.shape), _SKEW, out=error[..., 3:])
+
+    def _newton(self) -> tuple[Vector, Vector]:
+        """Return J⁻¹ e (..., 2, 6), and J⁻¹ (..., 2, 6, 3) of x, z and α in the bending frames.
+
+        Of a singular J the one is NaN and the other 0, which must not stop other worlds.
+        """
+        jacobian, sought = self._posed.jacobian(), self._sought
+        try:
+            found = np.asarray(np.linalg.solve(jacobian, sought))
+        except np.linalg.LinAlgError:
+            found = np.zeros(sought.shape)
+            found[..., 0] = np.nan
+            for at in np.ndindex(sought.shape[:-2]):
+                if np.linalg.matrix_rank(jacobian[at]) == _POSE:
+                    found[at] = np.linalg.solve(jacobian[at], sought[at])
+        return found[..., 0], found[..., 1:]
+
+    def _left_at_most(self, turns: Vector) -> Vector:
+        """Return what steps (..., 2, 6) leave at most (...) [m, rad]."""
+        sums = np.vecdot(np.abs(turns), _ONES)
+        most = np.maximum(sums[..., 0], sums[..., 1])
+        return np.asarray(self._half_reach * (most * most))
 
 
-def _halves(axes: Vector) -> Vector:
-    """Return ½ R*ᵀ (..., 3, 3): halves have the same digits."""
-    return np.multiply(axes.mT, 0.5, order="C")
-
-
-def _residuals(error: Vector) -> Vector:
-    """Return how far places [m] and turns [rad] (..., 2) are off, the worse arm's of either."""
-    of = error.reshape(*error.shape[:-1], 2, 3)
-    squares = np.vecdot(of, of)
-    return np.asarray(np.sqrt(np.maximum(squares[..., 0, :], squares[..., 1, :])))
-
-
-def _left_at_most(turns: Vector) -> Vector:
-    """Return the largest residual (...) [m, rad] after steps (..., n)."""
-    return np.asarray(_CURVATURE * np.vecdot(turns, turns))
-
-
-def grip_frames(pose: Vector, aside: Vector) -> tuple[Vector, Vector]:
-    """Return places (..., 2, 3) and axes (..., 2, 3, 3) of both grips in the world.
-
-    ``pose`` (..., 2, 3) x, z [m], α [rad] and ``aside`` (..., 2, 3) y [m], roll and yaw [rad], each
-    in its arm's bending frame, with the axes that :func:`dualbend.control.alter.turn` has there.
-    """
-    places = np.empty(pose.shape)
-    places[..., ::2], places[..., 1] = pose[..., :2], aside[..., 0]
-    places *= BENDING_TO_WORLD
-    if np.count_nonzero(aside):
-        angles = np.stack((aside[..., 1], pose[..., 2], aside[..., 2]), axis=-1)
-        return places, np.asarray(_HALF_TURN @ turn(angles))
-    axes = np.zeros((*pose.shape, 3))
-    axes[..., 0, 0] = axes[..., 2, 2] = np.cos(pose[..., 2])
-    axes[..., 0, 2] = np.sin(pose[..., 2])
-    axes[..., 2, 0] = -axes[..., 0, 2]
-    axes[..., 1, 1] = 1.0
-    axes[..., 1, :2, :] *= -1.0
-    return places, axes
-
-
-def _solved(jacobian: Vector, error: Vector) -> Vector:
-    """Return J⁻¹ e (..., 2, 6): NaN where J is singular, which must not stop other worlds."""
-    try:
-        return np.asarray(np.linalg.solve(jacobian, error[..., np.newaxis])[..., 0])
-    except np.linalg.LinAlgError:
-        found = np.full(error.shape, np.nan)
-        for at in np.ndindex(error.shape[:-1]):
-            if np.linalg.matrix_rank(jacobian[at]) == _POSE:
-                found[at] = np.linalg.solve(jacobian[at], error[at])
-        return found
+def _largest(error: Vector) -> Vector:
+    """Return by how much places [m] or turns [rad] (..., 2, 6) are off at most (...)."""
+    of = error.reshape(*error.shape[:-2], 4, 3)
+    return np.asarray(np.sqrt(np.vecdot(of, of).max(axis=-1)))

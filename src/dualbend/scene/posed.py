@@ -11,7 +11,7 @@ import numpy as np
 from mujoco.batch import MODEL_FIELDS, Batch
 from numpy.typing import NDArray
 
-from dualbend.types import SIDES, Vector
+from dualbend.types import SIDES, Reals, Vector
 
 _POSE = 6
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
@@ -20,6 +20,10 @@ _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 class Posed(Protocol):
     """Robots at joint angles (..., n), and where some of their sites then are."""
+
+    @property
+    def reach(self) -> Reals:
+        """How far the first site of an arm can be from its joints' axes (...) [m], at least 1."""
 
     def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """Return places (..., sites, 3) and axes (..., sites, 9) of the sites in the world."""
@@ -47,6 +51,11 @@ class PosedArms:
         self._own = left[:, :_POSE], right[:, _POSE:]
         self._torque = np.empty(robots.nv)
         self._placed, self._frames = b"", (np.empty(0), np.empty(0))
+
+    @property
+    def reach(self) -> Reals:
+        """As :class:`Posed` has it."""
+        return _reach(self._robots, self._sites)
 
     @cached_property
     def _model(self) -> mujoco.MjModel:
@@ -97,7 +106,7 @@ class PosedWorlds:
     def __init__(
         self, robots: Sequence[mujoco.MjModel], sites: Sequence[str], threads: int = 1
     ) -> None:
-        model = moving_only(robots[0])
+        self._robots, model = robots, moving_only(robots[0])
         self._data = data = Batch(model, len(robots), threads)
         for name in differing(robots):
             if name not in _NOT_OF_A_MOTION:
@@ -110,6 +119,11 @@ class PosedWorlds:
         self._torque: Vector = data.bind("qfrc_bias")
         self._q, self._speed = np.full(data.qpos.shape, np.nan), np.empty(0)
         self._frames = np.empty(0), np.empty(0)
+
+    @property
+    def reach(self) -> Reals:
+        """As :class:`Posed` has it."""
+        return np.array([_reach(one, self._sites) for one in self._robots])
 
     def frames(self, q: Vector) -> tuple[Vector, Vector]:
         """As :class:`Posed` has it."""
@@ -152,6 +166,20 @@ class PosedWorlds:
         self._data.forward(worlds, stage)
         sites = self._sites
         self._frames = self._places.take(sites, axis=1), self._axes.take(sites, axis=1)
+
+
+def _reach(robots: mujoco.MjModel, sites: NDArray[np.int_]) -> float:
+    """Return how far the first site of an arm can be from its joints' axes [m], at least 1.
+
+    That is from joint to joint and on to the site, with the travel of slides.
+    """
+    data, slides = mujoco.MjData(robots), robots.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+    mujoco.mj_kinematics(robots, data)
+    travel = np.abs(robots.jnt_range - robots.qpos0[:, np.newaxis]).max(axis=1) * slides
+    ends = data.site_xpos[sites[: len(SIDES)], np.newaxis]
+    joints = np.concatenate((data.xanchor.reshape(len(SIDES), -1, 3), ends), axis=1)
+    lengths = np.linalg.norm(np.diff(joints, axis=1), axis=-1).sum(axis=-1)
+    return max(1.0, float((lengths + travel.reshape(len(SIDES), -1).sum(axis=-1)).max()))
 
 
 _NOT_OF_A_MOTION = ("body_invweight0", "dof_invweight0", "dof_M0", "actuator_acc0", "dof_length")
