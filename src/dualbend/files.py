@@ -55,7 +55,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
         part.write_bytes(data)
 
 
-def write_all(file: IO[bytes], data: bytes) -> None:
+def write_all(file: IO[bytes], data: bytes | memoryview) -> None:
     """Write bytes to an unbuffered file; OSError where not all of them could be."""
     left = memoryview(data)
     while left:

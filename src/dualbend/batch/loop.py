@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dualbend.batch.controllers import ActiveOnly, joined, one_by_one
+from dualbend.batch.memory import give_back
 from dualbend.batch.physics import CpuPhysics, Physics, Start
+from dualbend.batch.trace import TraceFile, room
 from dualbend.control.controller import IN_PLANE, ControlledPath, Observation
 from dualbend.control.servo import FrictionEstimate, JointServo
 from dualbend.control.wrist import WristSensors
@@ -30,6 +33,9 @@ from dualbend.scene.posed import PosedWorlds
 from dualbend.scene.warnings import warnings_counted_only
 from dualbend.task.bending.run import BendingRun
 from dualbend.types import SIDES, Mask, PlanarPose, Vector
+
+_TIDIED = 8
+"""Worlds that begin before memory is given back, at first."""
 
 _NO_AGES: NDArray[np.int_] = np.zeros(0, dtype=np.int_)
 
@@ -53,11 +59,15 @@ class BatchLoop:
         physics: Callable[[Sequence[RobotCell]], Physics] | None = None,
     ) -> None:
         starts = []
-        for run in runs:
+        due = _TIDIED
+        for i, run in enumerate(runs, 1):
             run.begin()
             starts.append(Start.of(run.cell.simulation))
             run.cell.let_go()  # before the next begins: n worlds would need 0.7 MB each
             del run.trace  # it has rows of the batch's
+            if i >= due:  # seldom where there are many: it takes the longer
+                give_back()
+                due += max(_TIDIED, i // 4)
         self._runs, first, n = runs, runs[0], len(runs)
         scenario, cells = first.scenario, [run.cell for run in runs]
         shape, robots = (n,), [cell.robots for cell in cells]
@@ -92,7 +102,9 @@ class BatchLoop:
         if errors.weighs_wrong:
             self._physics.fed_forward = believed.coriolis
         self._motion(runs)
-        self.trace = first.recorder(int(self.cycles.max()), shape)
+        cycles = int(self.cycles.max())
+        self.trace = first.recorder(min(cycles, room(n)), shape)
+        self._file = TraceFile(self.trace, cycles)
         self.left: Mask = np.zeros(n, dtype=np.bool_)
 
     def _motion(self, runs: Sequence[BendingRun]) -> None:
@@ -110,15 +122,14 @@ class BatchLoop:
             (self._poses[..., 2], -self._poses[..., 0], self._poses[..., 1]), axis=-1
         )
         self._phases = table(run.motion.phase for run in runs)
-        errors = [run.grip_errors for run in runs if run.grip_errors is not None]
-        self._grip_errors = table(errors) if errors else None
-        self._grips_change = table(run.grips_change for run in runs) if errors else None
+        self._grip_errors = [run.grip_errors for run in runs if run.grip_errors is not None]
+        self._grips_change = table(run.grips_change for run in runs) if self._grip_errors else None
         self._names = np.array(runs[0].phases)
 
     def run(self) -> Iterator[tuple[int, RunRecord]]:
         """Run all to their ends; yield each world that came to it, and its record, as it does."""
         started = time.perf_counter()
-        with warnings_counted_only():
+        with warnings_counted_only(), closing(self._file):
             for n in range(int(self.cycles.max()) + 1):
                 ended = np.flatnonzero(self.active & (self.cycles == n))
                 self.active[ended] = False
@@ -145,12 +156,13 @@ class BatchLoop:
             physics.fed_forward(seen.q, seen.speed)  # asked first: the frames come with it
         bends = physics.observer.sheet.bending_angles(physics.data)
         drawn = self._drawn[n]
+        self._file.make_room()
         trace.observe(n * period_s, self._phases[n], drawn, seen, physics.data.qpos, bends)
         reference = self._response.position
         self._leave_if(self._guard.outside(seen.q, seen.speed, seen.torque, reference))
         if not self._free:
             self._leave(has_snapped(seen.sag, pose[:, 2]))
-        if self._grip_errors is not None:
+        if self._grip_errors:
             turns = physics.observer.roll_and_yaw(physics.data)
             trace.record_task(turns.reshape(len(self._runs), -1))
         axes = self._measured.sensor_axes(self._sample.rotation, seen)
@@ -209,18 +221,21 @@ class BatchLoop:
 
     def _displace(self, n: int) -> None:
         """Apply the misalignment of the grips."""
-        errors, changes = self._grip_errors, self._grips_change
-        if errors is not None and changes is not None:
-            worlds = np.flatnonzero(self.active & changes[n])
-            if worlds.size:
-                self._physics.displace(worlds, errors[n, worlds])
+        if self._grips_change is None:
+            return
+        worlds = np.flatnonzero(self.active & self._grips_change[n])
+        if worlds.size:
+            errors = np.stack([self._grip_errors[world][n] for world in worlds])
+            self._physics.displace(worlds, errors)
 
     def record(self, world: int, wall_s: float = 0.0) -> RunRecord:
         """Return what a world's run has left, which came to its end."""
         run = self._runs[world]
-        run.trace = self.trace.of_world(world, int(self.cycles[world]))
+        run.trace = run.recorder(int(self.cycles[world]))
+        self._file.read(world, run.trace)
         run.cell.simulation.data.time = self._physics.time_s[world]
         run.cell.friction.ratio[:] = self._friction.ratio[world]
         record = run.record("completed", wall_time_s=wall_s)
         run.cell.let_go()
+        del run.trace  # the record has it, as long as it is wanted
         return record

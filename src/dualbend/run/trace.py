@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import hashlib
 import json
 import re
@@ -204,7 +203,8 @@ class TraceRecorder(Trace):
     Parameters
     ----------
     cycles, qpos_size
-        Rows to make room for; length of the physics state that is kept beside the columns.
+        Rows to make room for, of which further ones begin with the first again; length of the
+        physics state that is kept beside the columns.
     sensing
         Indices of the arms with a sensor: they get columns for the chain's readings.
     hinges, joints
@@ -215,7 +215,12 @@ class TraceRecorder(Trace):
         The command link makes errors; the sheet may slide in the grips; the compliance deviates in
         all six directions: there are columns for it.
     shape
-        Leading shape: of many worlds at once, of which :meth:`of_world` returns one's trace.
+        Leading shape: of many worlds at once.
+
+    Attributes
+    ----------
+    room : rows that there is room for
+    kept : (..., room, columns + length of the physics state) they, in one piece
     """
 
     def __init__(
@@ -235,18 +240,12 @@ class TraceRecorder(Trace):
         ends = np.cumsum([len(group) for group in groups.values()]).tolist()
         starts = (0, *ends[:-1])
         self._slices = {name: slice(*at) for name, *at in zip(groups, starts, ends, strict=True)}
-        room = np.moveaxis(np.full((cycles, *shape, len(self.columns)), np.nan), 0, -2)
-        self._positions = np.moveaxis(np.empty((cycles, *shape, qpos_size)), 0, -2)
-        super().__init__(self.columns, room, self._positions)
+        first, self.room = len(self.columns), cycles
+        self.kept: Vector = np.empty((*shape, cycles, first + qpos_size))
+        self._positions = self.kept[..., first:]
+        super().__init__(self.columns, self.kept[..., :first], self._positions)
         self._readings = slice(self._slices["ik"].stop, self._slices["saturated"].start)
         self.rows = 0
-
-    def of_world(self, world: int, rows: int) -> TraceRecorder:
-        """Return the first rows of one of many worlds, in the same memory."""
-        own = copy.copy(self)
-        own._table, own._positions = self._table[world], self._positions[world]
-        own._qpos, own.rows = own._positions, rows
-        return own
 
     def last(self, name: str) -> Vector:
         """Return a column of the last row (...)."""
@@ -254,7 +253,7 @@ class TraceRecorder(Trace):
 
     def _row(self) -> Vector:
         """Return the last row (..., columns), to be written."""
-        return self._table[..., self.rows - 1, :]
+        return self._table[..., (self.rows - 1) % self.room, :]
 
     def observe(
         self,
@@ -269,6 +268,7 @@ class TraceRecorder(Trace):
         self.rows += 1
         row, at = self._row(), self._slices
         worlds = row.shape[:-1]
+        row.fill(np.nan)
         row[..., at["clock"].start] = time_s
         row[..., at["clock"].start + 1] = phase
         row[..., at["nominal"]] = nominal
@@ -279,10 +279,10 @@ class TraceRecorder(Trace):
         row[..., at["bend"]] = bends
         row[..., at["q"]] = seen.q
         row[..., at["torque"]] = seen.torque
-        self._positions[..., self.rows - 1, :] = qpos
+        self._positions[..., (self.rows - 1) % self.room, :] = qpos
         task = at["task"]
         if self.rows > 1 and task.start < task.stop:
-            row[..., task] = self._table[..., self.rows - 2, task]
+            row[..., task] = self._table[..., (self.rows - 2) % self.room, task]
 
     def record_slip(self, slip: Vector) -> None:
         """Add how far the sheet has slid in each grip (2,) [m] to the row."""

@@ -44,7 +44,8 @@ class BendingRun(PlanarRun):
 
     Attributes
     ----------
-    grip_errors : (cycles, 2, 6) how the edges lie to their grippers; None where they lie right
+    grip_errors : how the edges lie to their grippers (k, 2, 6), up to where they stay as they are;
+        None where they lie right
     grips_change : (cycles,) whether they lie otherwise than in the cycle before
 
     ``correction`` (2, cycles): turn that is added to each arm's path [rad], and ``friction`` (n,):
@@ -85,9 +86,10 @@ class BendingRun(PlanarRun):
         simulation, taken = self.cell.simulation, np.zeros_like(self._imposed)
         if self.scenario.imperfections.robot.displaces:
             taken = simulation.observer.grasps(simulation.data)
-        self.grip_errors = errors_over_time(taken, self._imposed, self.motion)
-        changes = np.any(np.diff(self.grip_errors, axis=0), axis=(1, 2))
+        errors = errors_over_time(taken, self._imposed, self.motion)
+        changes = np.any(np.diff(errors, axis=0), axis=(1, 2))
         self.grips_change = np.concatenate(([False], changes))
+        self.grip_errors = errors[: np.flatnonzero(self.grips_change).max(initial=0) + 1].copy()
         simulation.displace_grasps(self.grip_errors[0])
         return super().start()
 
