@@ -247,6 +247,14 @@ def test_cells_that_are_bent_together_are_what_each_is_alone(tmp_path: Path) -> 
             assert (folder / name).read_bytes() == (alone / name).read_bytes()
 
 
+def test_a_sheet_is_done_once_what_it_taught_is_kept(tmp_path: Path) -> None:
+    """Killed in between, the same call bends it again, and learned.json is not a sheet behind."""
+    (tmp_path / LEARNED).mkdir()
+    with pytest.raises(InputError, match=r"learned\.json: cannot be written"):
+        run_series({tmp_path: short()}, 1)
+    assert not (tmp_path / "runs.jsonl").read_bytes()
+
+
 def test_another_scenario_does_not_go_on_in_the_folder(tmp_path: Path) -> None:
     run_series({tmp_path: short()}, 1)
     with pytest.raises(InputError, match="holds a study of another scenario"):
