@@ -225,7 +225,9 @@ def test_a_series_goes_on_where_it_was_left(
 
 
 @pytest.mark.slow
-def test_cells_that_are_bent_together_are_what_each_is_alone(tmp_path: Path) -> None:
+def test_cells_that_are_bent_together_are_what_each_is_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """To the byte, friction that the arms tell included; interrupted between cells of a sheet."""
     drawn = short(*FRICTION, "imperfections.robot.coulomb_spread=0.2")
     scenarios = [msgspec.structs.replace(drawn, seed=seed) for seed in (1, 2)]
@@ -239,7 +241,11 @@ def test_cells_that_are_bent_together_are_what_each_is_alone(tmp_path: Path) -> 
         run_series(cells, 2, on_sheet=interrupt)
     rows = [(folder / "runs.jsonl").read_bytes().count(b"\n") for folder in cells]
     assert sorted(rows) == [1, 2]
-    run_series(cells, 2)
+    both = run_series(cells, 2)
+    with monkeypatch.context() as again:
+        again.setattr("dualbend.study.learning.series.BATCH", 1)
+        again.setattr("dualbend.study.learning.series.Rehearsal", never)
+        assert run_series(cells, 2) == both  # nothing is left to run
     for folder, each in cells.items():
         alone = tmp_path / "alone" / folder.name
         run_series({alone: each}, 2)
