@@ -261,6 +261,12 @@ def test_a_sheet_is_done_once_what_it_taught_is_kept(tmp_path: Path) -> None:
     assert not (tmp_path / "runs.jsonl").read_bytes()
 
 
+def test_the_cell_that_cannot_tell_its_friction_is_named(tmp_path: Path) -> None:
+    bad = msgspec.structs.replace(short(*FRICTION, "guard.following_error_rad=5e-5"), seed=7)
+    with pytest.raises(InputError, match=r"^seed 7: .*motion without a sheet ended"):
+        run_series({tmp_path: bad}, 1)
+
+
 def test_another_scenario_does_not_go_on_in_the_folder(tmp_path: Path) -> None:
     run_series({tmp_path: short()}, 1)
     with pytest.raises(InputError, match="holds a study of another scenario"):

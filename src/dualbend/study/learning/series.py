@@ -309,4 +309,6 @@ def _rehearse(many: Sequence[Series]) -> None:
     runs = {i: run for i, series in enumerate(many) if (run := series.rehearsal()) is not None}
     cells = list(runs)
     for i, record in run_many(runs.values(), threads=os.cpu_count() or 1):
-        many[cells[i]].friction = runs[cells[i]].told(record_of(record))
+        series = many[cells[i]]
+        with refusing(f"seed {series.scenario.seed}"):
+            series.friction = runs[cells[i]].told(record_of(record))
