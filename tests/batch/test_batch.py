@@ -227,6 +227,8 @@ def test_a_run_stands_once_and_a_batch_has_a_size() -> None:
     run = made("fig8", *NONE)
     with pytest.raises(InputError, match="twice"):
         next(run_many([run, run]))
+    with pytest.raises(InputError, match="make_run returns, got Scenario"):
+        next(run_many([run.scenario]))  # type: ignore[list-item]
     for wrong in ({"batch": 0}, {"batch": 1.5}, {"threads": 0}, {"threads": True}):
         ((name, value),) = wrong.items()
         with pytest.raises(InputError, match=f"{name} = {value}: must be a whole number"):

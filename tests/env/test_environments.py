@@ -232,3 +232,7 @@ def test_worlds_that_are_asked_wrongly_say_what_is_right() -> None:
     worlds.reset(seed=1)
     with pytest.raises(InputError, match="finite"):
         worlds.step(np.full((2, 6), np.nan))
+    with pytest.raises(gymnasium.error.Error, match="Seed"):
+        worlds.reset(seed=[1, -1])
+    times = [worlds.step(np.zeros((2, 6)))[0][:, -1] for _ in range(2)]
+    assert (times[1] > times[0]).all()  # they go on

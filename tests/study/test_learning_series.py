@@ -225,7 +225,9 @@ def test_a_series_goes_on_where_it_was_left(
 
 
 @pytest.mark.slow
-def test_cells_that_are_bent_together_are_what_each_is_alone(tmp_path: Path) -> None:
+def test_cells_that_are_bent_together_are_what_each_is_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """To the byte, friction that the arms tell included; interrupted between cells of a sheet."""
     drawn = short(*FRICTION, "imperfections.robot.coulomb_spread=0.2")
     scenarios = [msgspec.structs.replace(drawn, seed=seed) for seed in (1, 2)]
@@ -239,12 +241,30 @@ def test_cells_that_are_bent_together_are_what_each_is_alone(tmp_path: Path) -> 
         run_series(cells, 2, on_sheet=interrupt)
     rows = [(folder / "runs.jsonl").read_bytes().count(b"\n") for folder in cells]
     assert sorted(rows) == [1, 2]
-    run_series(cells, 2)
+    both = run_series(cells, 2)
+    with monkeypatch.context() as again:
+        again.setattr("dualbend.study.learning.series.BATCH", 1)
+        again.setattr("dualbend.study.learning.series.Rehearsal", never)
+        assert run_series(cells, 2) == both  # nothing is left to run
     for folder, each in cells.items():
         alone = tmp_path / "alone" / folder.name
         run_series({alone: each}, 2)
         for name in ("runs.jsonl", LEARNED, "study.json"):
             assert (folder / name).read_bytes() == (alone / name).read_bytes()
+
+
+def test_a_sheet_is_done_once_what_it_taught_is_kept(tmp_path: Path) -> None:
+    """Killed in between, the same call bends it again, and learned.json is not a sheet behind."""
+    (tmp_path / LEARNED).mkdir()
+    with pytest.raises(InputError, match=r"learned\.json: cannot be written"):
+        run_series({tmp_path: short()}, 1)
+    assert not (tmp_path / "runs.jsonl").read_bytes()
+
+
+def test_the_cell_that_cannot_tell_its_friction_is_named(tmp_path: Path) -> None:
+    bad = msgspec.structs.replace(short(*FRICTION, "guard.following_error_rad=5e-5"), seed=7)
+    with pytest.raises(InputError, match=r"^seed 7: .*motion without a sheet ended"):
+        run_series({tmp_path: bad}, 1)
 
 
 def test_another_scenario_does_not_go_on_in_the_folder(tmp_path: Path) -> None:

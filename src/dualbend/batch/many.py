@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dualbend.batch.group import alone, grouped
 from dualbend.batch.loop import BatchLoop
 from dualbend.batch.physics import Physics
-from dualbend.errors import InputError, refuse_below_one
+from dualbend.errors import InputError, brief, refuse_below_one
 from dualbend.run.cell import RobotCell
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
@@ -34,8 +34,8 @@ def run_many(
     or "cpu", the physics of batches is MuJoCo Warp's there, in single precision: what ends early is
     run again alone, on the CPU. ``on_note`` is called with what the user should know while waiting.
 
-    Raises InputError where a run stands twice, there is no such device, or MuJoCo Warp cannot
-    simulate the cells.
+    Raises InputError where something is no run or stands twice, there is no such device, or MuJoCo
+    Warp cannot simulate the cells.
     """
     refuse_below_one(batch=batch, threads=threads)
     physics = _on(device, on_note) if device else None
@@ -57,6 +57,8 @@ def run_many(
 def _let_go(runs: Iterable[Run], made: list[Run]) -> Iterator[Run]:
     """Yield runs, note them, and let their cells go before the next is made: they begin again."""
     for run in runs:
+        if not isinstance(run, Run):
+            raise InputError(f"runs: each must be one that make_run returns, got {brief(run)}")
         made.append(run)
         yield run
         if not alone(run):

@@ -91,10 +91,10 @@ class BendWorlds(VectorEnv[Vector, Vector, Any]):
     def _begin(self, worlds: NDArray[np.int_], seeds: Sequence[int | None], infos: Info) -> None:
         """Begin a run in some worlds, as one batch where that is possible."""
         begin = np.isin(np.arange(self.num_envs), worlds)
+        drawn = {int(i): self._envs[i].next_seed(seeds[i]) for i in worlds}
         for batch in self._batches:
             batch.leave(begin)
         self._batches = [batch for batch in self._batches if batch.going.any()]
-        drawn = {int(i): self._envs[i].next_seed(seeds[i]) for i in worlds}
         self._alone |= begin
         if len(drawn) > 1:
             self._begin_together(drawn)

@@ -22,7 +22,7 @@ import numpy as np
 
 from dualbend.batch.many import BATCH, run_many
 from dualbend.control.learning import LearningConfig, replayed
-from dualbend.errors import InputError, refusing
+from dualbend.errors import InputError, refusing, writing
 from dualbend.evaluation.metrics import held_rows, versions
 from dualbend.files import write_whole
 from dualbend.run.learned import LearnedFile, belongings
@@ -232,10 +232,12 @@ class _Kept:
     def bent(self, record: RunRecord | Exception) -> Sheet:
         """Learn from the run of the next sheet and keep what it came to."""
         sheet = self.series.learn(record_of(record))
+        # First: killed between both, the sheet is bent again, to the same bits.
+        if self.series.sheets:
+            with writing(self.folder / LEARNED, "--out"):
+                write_whole(self.folder / LEARNED, self.series.learned().to_json())
         self.keep(sheet)
         self.sheets.append(sheet)
-        if self.series.sheets:
-            write_whole(self.folder / LEARNED, self.series.learned().to_json())
         return sheet
 
 
@@ -307,4 +309,6 @@ def _rehearse(many: Sequence[Series]) -> None:
     runs = {i: run for i, series in enumerate(many) if (run := series.rehearsal()) is not None}
     cells = list(runs)
     for i, record in run_many(runs.values(), threads=os.cpu_count() or 1):
-        many[cells[i]].friction = runs[cells[i]].told(record_of(record))
+        series = many[cells[i]]
+        with refusing(f"seed {series.scenario.seed}"):
+            series.friction = runs[cells[i]].told(record_of(record))
