@@ -412,3 +412,6 @@ def test_a_sheet_that_ends_otherwise_ends_the_command(tmp_path: Path) -> None:
     assert "nothing learned: protective stop" in output
     assert not (tmp_path / LEARNED).exists()
     assert len(read_rows(tmp_path)) == 1
+    cells = tmp_path / "cells"
+    assert invoke("--sheets", "2", "--seeds", "2", "--out", str(cells), *settings)[0] == 3
+    assert len(read_rows(cells / "seed-2")) == 1

@@ -86,11 +86,13 @@ def learn(
             raise InputError(f"--seeds {cells}: what was learned before, {named}, is of one cell")
         each = [msgspec.structs.replace(loaded, seed=loaded.seed + i) for i in range(cells)]
         of = {folder / f"seed-{one.seed}": one for one in each}
-        lines = spread_table(_series(of, sheets, folder, None, record))
+        bent = _series(of, sheets, folder, None, record)
+        lines = spread_table(bent)
         with writing(folder, "--out"):
             write_whole(folder / "cells.md", lines.markdown() + "\n")
         click.echo(lines.text())
         click.echo(f"results in {folder}")
+        _exit_unless_expected(bent, loaded)
         return
     before = None
     if named is not None:
@@ -103,7 +105,12 @@ def learn(
     if any(sheet.learned for sheet in found):
         click.echo(f"learned: --set path.learned={folder / LEARNED}")
     click.echo(f"results in {folder}")
-    if found[-1].outcome not in loaded.expect.outcome:
+    _exit_unless_expected([found], loaded)
+
+
+def _exit_unless_expected(cells: Sequence[Sequence[Sheet]], scenario: Scenario) -> None:
+    """Exit with its code where the last sheet of a cell ended otherwise than expected."""
+    if any(bent[-1].outcome not in scenario.expect.outcome for bent in cells):
         sys.exit(EXIT_UNEXPECTED)
 
 
