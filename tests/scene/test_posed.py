@@ -70,6 +70,19 @@ def test_no_grip_is_farther_from_a_joint_than_the_reach(model: mujoco.MjModel) -
     np.testing.assert_allclose(worlds.reach, posed.reach, rtol=1e-12)
 
 
+def test_a_slide_reaches_as_far_as_it_travels() -> None:
+    """Two arms of a slide from -0.5 to 2 m and five hinges, 0.1 m apart."""
+    chain = '<body pos="0.1 0 0"><joint {}/><geom size="0.01"/>'
+    slide = chain.format('type="slide" axis="1 0 0" range="-0.5 2"')
+    links = slide + 5 * chain.format('range="-3 3"')
+    arms = [links + f'<site name="{name}"/>' + 6 * "</body>" for name in GRIPS]
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><compiler angle="radian"/><worldbody>{"".join(arms)}</worldbody></mujoco>'
+    )
+    # Analytic: stretched out, the grip is the slide's travel and five links from its anchor.
+    assert PosedArms(model, GRIPS).reach == pytest.approx(2.0 + 5 * 0.1)
+
+
 PERIOD_S, CYCLES = 0.028, 100
 
 
