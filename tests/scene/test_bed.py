@@ -345,16 +345,22 @@ def test_the_pins_sensors_tell_the_sum_and_the_largest_of_their_contacts() -> No
 def test_peaks_are_the_largest_since_they_were_read() -> None:
     scene = Scene(ROUND)
     scene.put(3e-3, 0.0, ROUND.pins.height_m + 1e-3)
-    seen = []
+    seen, depths = [], []
     for _ in range(60):
         mujoco.mj_step(scene.model, scene.data)
         scene.pins.on_step()
+        depths.append([-scene.data.sensor(f"distance_{name}").data[0] for name in HOLES])
         read = [scene.data.sensor(f"net_{name}").data.copy() for name in HOLES]
         seen.append(np.linalg.norm(read, axis=1))
     # The blow is over by now: the largest is not the last. Analytic: the same numbers.
     largest = np.max(seen, axis=0)
     assert (largest > 2.0 * seen[-1]).all()
-    np.testing.assert_allclose(scene.pins.peaks()[0], largest, rtol=1e-12)
+    peaks = scene.pins.peaks()
+    np.testing.assert_allclose(peaks.force_n, largest, rtol=1e-12)
+    # It fell at first: no depth has lasted.
+    np.testing.assert_array_equal(peaks.penetration_m, 0.0)
+    np.testing.assert_array_equal(peaks.impact_m, np.max(depths, axis=0))
+    assert (peaks.impact_m > 0.0).all()
 
 
 # --- steps that are divided -----------------------------------------------------------------------

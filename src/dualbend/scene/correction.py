@@ -19,6 +19,10 @@ _MAX_STEPS = 6
 _RESTS = 1e-10
 """Residual [m, rad] that is left: set-points that stayed for less would be a dead zone."""
 
+_LARGEST_MISS = 1e-2
+"""By which what was foreseen may miss [rad, m] and tell how the next will: not after a jump, from
+where Newton's method may lead to another configuration of the arm."""
+
 _HALF_TURN = np.stack((np.eye(3), np.diag([-1.0, -1.0, 1.0])))
 """Axes of both arms' bending frames in the world (2, 3, 3)."""
 
@@ -31,6 +35,8 @@ _PITCHED_EACH = (_PITCHED @ _HALF_TURN[:, np.newaxis]).reshape(2, 3, 9)
 _SKEW = np.zeros((9, 3))
 _SKEW[[5, 6, 1], [0, 1, 2]], _SKEW[[7, 2, 3], [0, 1, 2]] = 1.0, -1.0
 """Takes a matrix (9,) to r₂₃ − r₃₂, r₃₁ − r₁₃, r₁₂ − r₂₁."""
+
+_TRACE = np.eye(3).ravel()
 
 _SIGNS, _INWARD, _ONES = BENDING_TO_WORLD[:, ::2].copy(), BENDING_TO_WORLD[:, 1].copy(), np.ones(6)
 
@@ -100,9 +106,14 @@ class PoseCorrection:
         steps: int | NDArray[np.int_] = 1
         if np.count_nonzero(inside) < q.size or np.count_nonzero(residual > _RESTS):
             left = inside.all(axis=-1)
-            q = np.where(left[..., np.newaxis], q, last)
-            q, residual, steps = self._go_on(q, np.where(left, residual, np.inf), halves)
-        self._q, self._pose, self._missed = q, pose, q - foreseen
+            q, residual = np.where(left[..., np.newaxis], q, last), np.where(left, residual, np.inf)
+            again = residual > _RESTS
+            q, residual, steps = self._go_on(q, residual, halves)
+            self._missed = q - foreseen
+            self._missed[again & (np.abs(self._missed).max(axis=-1) > _LARGEST_MISS)] = 0.0
+        else:
+            self._missed = q - foreseen
+        self._q, self._pose = q, pose
         return IKSolution(
             q=q, position_residual_m=residual, rotation_residual_rad=residual, iterations=steps
         )
@@ -139,13 +150,19 @@ class PoseCorrection:
         return np.asarray(self._circle @ _PITCHED_EACH).reshape(*pose.shape, 3)
 
     def _look(self, q: Vector, halves: Vector) -> None:
-        """Note e (..., 2, 6) of grips that are to be at their places with axes ½ R*ᵀ."""
+        """Note e (..., 2, 6) of grips that are to be at their places with axes ½ R*ᵀ.
+
+        e is the sine of a turn, as small near half a turn: beyond a quarter, e is infinite.
+        """
         grips, axes = self._posed.frames(q)
         error = self._error
         np.subtract(self._places, grips, out=error[..., :3])
         # Σ rᵢ × r*ᵢ is twice the skew part of R* Rᵀ.
-        turned = axes.reshape(halves.shape) @ halves
-        np.matmul(turned.reshape(axes.shape), _SKEW, out=error[..., 3:])
+        turned = (axes.reshape(halves.shape) @ halves).reshape(axes.shape)
+        np.matmul(turned, _SKEW, out=error[..., 3:])
+        beyond = turned @ _TRACE < 0.5  # ½ + cos of the turn
+        if np.count_nonzero(beyond):
+            error[beyond, 3:] = np.inf
 
     def _newton(self) -> tuple[Vector, Vector]:
         """Return J⁻¹ e (..., 2, 6), and J⁻¹ (..., 2, 6, 3) of x, z and α in the bending frames.
