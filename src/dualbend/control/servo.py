@@ -151,7 +151,7 @@ class FrictionEstimate:
     Attributes
     ----------
     ratio : (..., n) r
-    known : (n,) r before anything is estimated; 1, or what was told before
+    known : (n,) r before anything is estimated; 1, or what was given
     """
 
     def __init__(

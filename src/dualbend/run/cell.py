@@ -130,7 +130,7 @@ class RobotCell:
         return Measured(simulation.observer, simulation.data, believed)
 
     def let_go(self) -> None:
-        """Let go of MuJoCo's states, 1.1 MB; what is asked for again is made anew, to be reset."""
+        """Let go of MuJoCo's states, 1.1 MB; what is asked for later is built again, unreset."""
         for name in ("ik", "simulation", "measured"):
             vars(self).pop(name, None)
 

@@ -109,11 +109,9 @@ class PoseCorrection:
             q, residual = np.where(left[..., np.newaxis], q, last), np.where(left, residual, np.inf)
             again = residual > _RESTS
             q, residual, steps = self._go_on(q, residual, halves)
-            self._missed = q - foreseen
-            self._missed[again & (np.abs(self._missed).max(axis=-1) > _LARGEST_MISS)] = 0.0
-        else:
-            self._missed = q - foreseen
-        self._q, self._pose = q, pose
+            astray = again & (np.abs(q - foreseen).max(axis=-1) > _LARGEST_MISS)
+            foreseen = np.where(astray[..., np.newaxis], q, foreseen)
+        self._q, self._pose, self._missed = q, pose, q - foreseen
         return IKSolution(
             q=q, position_residual_m=residual, rotation_residual_rad=residual, iterations=steps
         )

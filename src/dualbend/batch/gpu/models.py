@@ -18,7 +18,7 @@ from dualbend.types import Vector
 _MAY_CHANGE = ("site_pos", "site_quat")
 """Fields that get a row for each world because grips may be displaced."""
 
-_HOLD_WEIGHT = 2.0, 2.0
+_HOLD_WEIGHT = 2.0
 """By which mass and inertia MuJoCo is to scale a hold, over those of the lightest body held.
 
 As :func:`dualbend.scene.cell.harden_holds` has them, which single precision cannot bear: from ten
@@ -65,9 +65,10 @@ def _accepted(model: mujoco.MjModel) -> mujoco.MjModel:
     held = accepted.site_bodyid[np.concatenate((accepted.eq_obj1id, accepted.eq_obj2id))]
     # With sparse Jacobians it reads those of the moving bodies that the held ones are fixed to.
     moving = accepted.body_weldid[held]
-    lightest = accepted.body_mass[moving].min(), accepted.body_inertia[moving].min()
+    of_bodies = accepted.body_mass, accepted.body_inertia
+    lightest = np.array([values[moving].min() for values in of_bodies])
     for bodies in (held, moving):
-        accepted.body_invweight0[bodies] = np.reciprocal(np.multiply(_HOLD_WEIGHT, lightest))
+        accepted.body_invweight0[bodies] = np.reciprocal(_HOLD_WEIGHT * lightest)
     return accepted
 
 
