@@ -1,5 +1,6 @@
-"""Where the models and scenarios are, in a wheel as well as in a source checkout."""
+"""Where the models and scenarios are, in a wheel as well as in a source checkout; usable cores."""
 
+import os
 from pathlib import Path
 
 from dualbend.errors import DualbendError
@@ -39,3 +40,10 @@ def scenarios_dir() -> Path:
 def limitations_file() -> Path:
     """Return the page of known limitations, which every report quotes."""
     return _find("docs", "limitations.md") / "limitations.md"
+
+
+def usable_cores() -> int:
+    """Return how many processor cores this process may use; a machine may have more."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

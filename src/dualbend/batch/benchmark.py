@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Sequence
 from typing import TypeVar
@@ -13,6 +12,7 @@ from dualbend.batch.group import alone, grouped
 from dualbend.batch.loop import BatchLoop
 from dualbend.batch.physics import CpuPhysics
 from dualbend.errors import InputError
+from dualbend.resources import usable_cores
 from dualbend.run.cell import RobotCell
 from dualbend.run.make import make_run
 from dualbend.scenario.scenario import Scenario
@@ -36,7 +36,7 @@ def benchmark_batch(
 
     Raises InputError where the scenario's runs can be no batch.
     """
-    count = threads or os.cpu_count() or 1
+    count = threads or usable_cores()
     started = time.perf_counter()
     made = [
         make_run(msgspec.structs.replace(scenario, seed=scenario.seed + i)) for i in range(worlds)

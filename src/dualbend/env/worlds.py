@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ from dualbend.env.base import SENSING, Info
 from dualbend.env.bend import BendEnv
 from dualbend.env.together import Step, Together
 from dualbend.errors import InputError, refuse_below_one
+from dualbend.resources import usable_cores
 from dualbend.run.make import make_run
 from dualbend.scenario.load import Settings
 from dualbend.task.bending.run import BendingRun
@@ -47,7 +47,7 @@ class BendWorlds(VectorEnv[Vector, Vector, Any]):
         failure_cost: float = 1000.0,
         threads: int | None = None,
     ) -> None:
-        self._threads = (os.cpu_count() or 1) if threads is None else threads
+        self._threads = usable_cores() if threads is None else threads
         refuse_below_one(num_envs=num_envs, threads=self._threads)
         self.num_envs = num_envs
         self._envs = [

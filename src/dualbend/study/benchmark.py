@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import statistics
 import tempfile
@@ -20,6 +19,7 @@ from dualbend.errors import InputError
 from dualbend.evaluation.metrics import versions
 from dualbend.imperfection.config import ImperfectionsConfig
 from dualbend.recording.write import write_recording
+from dualbend.resources import usable_cores
 from dualbend.run.loop import Run
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
@@ -83,7 +83,7 @@ def machine() -> dict[str, str]:
     if with_names.exists():
         rows = (line.partition(":") for line in with_names.read_text().splitlines())
         model = next((said.strip() for key, _, said in rows if key.strip() == "model name"), model)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    cores = usable_cores()
     named = ", ".join(f"{name} {version}" for name, version in versions().items())
     return {"processor": model, "cores": str(cores), "versions": named}
 

@@ -15,6 +15,7 @@ from multiprocessing.process import BaseProcess
 
 from dualbend.errors import refuse_below_one
 from dualbend.interrupts import ENDING_SIGNALS, uninterrupted
+from dualbend.resources import usable_cores
 from dualbend.study.engine import Arguments, Key, Lost, Place, Row, WorkerDiedError, as_they_end
 
 DIED = "the process that ran it died, also when it ran alone"
@@ -40,7 +41,7 @@ def in_processes(workers: int | None = None) -> Place:
     ) -> Generator[tuple[Key, Row | Lost]]:
         left = dict(tasks)
         while left:
-            count, died = min(workers or os.cpu_count() or 1, len(left)), []
+            count, died = min(workers or usable_cores(), len(left)), []
             with _pool(count) as pool:
                 # One waits for each that runs, so that no process does; no more, since what waits
                 # in the pool's queue cannot be called back.

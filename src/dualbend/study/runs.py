@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, TypeVarTuple
 
 from dualbend.batch.many import BATCH, run_many
 from dualbend.errors import InputError, refuse_below_one
+from dualbend.resources import usable_cores
 from dualbend.run.loop import Run
 from dualbend.run.record import RunRecord
 from dualbend.study.ending import record_of
@@ -96,7 +96,7 @@ def in_batches(
     """
     refuse_below_one(batch=batch)
     place = in_processes(workers) if cluster is None else cluster
-    at_once = 1 if cluster is not None else workers or os.cpu_count() or 1
+    at_once = 1 if cluster is not None else workers or usable_cores()
 
     def ended(
         tasks: Mapping[Key, tuple[*Arguments]], run_one: Callable[[*Arguments], Row]

@@ -9,7 +9,6 @@ the path of the first sheet without one before it.
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -25,6 +24,7 @@ from dualbend.control.learning import LearningConfig, replayed
 from dualbend.errors import InputError, refusing, writing
 from dualbend.evaluation.metrics import held_rows, versions
 from dualbend.files import write_whole
+from dualbend.resources import usable_cores
 from dualbend.run.learned import LearnedFile, belongings
 from dualbend.run.loop import Run
 from dualbend.run.make import make_run
@@ -281,7 +281,7 @@ def _run_together(
         _rehearse([each.series for each in left])
         while left:
             runs = (each.series.next_run() for each in left)
-            for i, record in run_many(runs, threads=os.cpu_count() or 1):
+            for i, record in run_many(runs, threads=usable_cores()):
                 on_sheet(left[i].series, left[i].bent(record))
             left = [
                 each
@@ -308,7 +308,7 @@ def _rehearse(many: Sequence[Series]) -> None:
     """Let cells tell the friction of their joints, all at once."""
     runs = {i: run for i, series in enumerate(many) if (run := series.rehearsal()) is not None}
     cells = list(runs)
-    for i, record in run_many(runs.values(), threads=os.cpu_count() or 1):
+    for i, record in run_many(runs.values(), threads=usable_cores()):
         series = many[cells[i]]
         with refusing(f"seed {series.scenario.seed}"):
             series.friction = runs[cells[i]].told(record_of(record))

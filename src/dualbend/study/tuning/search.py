@@ -8,7 +8,6 @@ one by one, since each depends on what became of the one before and most end wit
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Iterable, Sequence
 
 import msgspec
@@ -17,6 +16,7 @@ import numpy as np
 from dualbend.batch.many import run_many
 from dualbend.control.compliance.admittance import ComplianceConfig
 from dualbend.errors import InputError
+from dualbend.resources import usable_cores
 from dualbend.run.make import make_run
 from dualbend.run.record import RunRecord
 from dualbend.scenario.scenario import Scenario
@@ -78,7 +78,7 @@ def simulate(cases: Iterable[tuple[Scenario, int]]) -> list[tuple[Vector, str]]:
     end as completed has infinite moments, and how it ended.
     """
     runs = [make_run(msgspec.structs.replace(scenario, seed=seed)) for scenario, seed in cases]
-    ended = dict(run_many(runs, threads=os.cpu_count() or 1))
+    ended = dict(run_many(runs, threads=usable_cores()))
     return [_moments(ended[i]) for i in range(len(runs))]
 
 
