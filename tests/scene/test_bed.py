@@ -70,6 +70,9 @@ class Scene:
             if step % 16 == 0:
                 self.pins.peaks()
             parts = self.pins.parts()
+            if not parts:
+                mujoco.mj_step1(self.model, self.data)
+                parts = self.pins.parts_by_contacts()
             self.model.opt.timestep = STEP_S / parts
             for _ in range(parts):
                 mujoco.mj_step(self.model, self.data)
@@ -375,12 +378,13 @@ def parts_of(scene: Scene, height: float, speed: float) -> int:
 
 
 @pytest.mark.parametrize(
-    ("speed", "parts"), [(-0.1, 1), (0.0, 1), (0.02, 1), (0.03, 2), (0.08, 4), (0.1, 8), (1.0, 8)]
+    ("speed", "parts"), [(-0.1, 1), (0.0, 0), (0.02, 0), (0.03, 2), (0.08, 4), (0.1, 8), (1.0, 8)]
 )
 def test_a_step_is_divided_by_how_fast_holes_come_down_to_their_tips(
     speed: float, parts: int
 ) -> None:
-    # Written out: 40 µm in each part, which is 23 mm/s undivided; a power of two, eight at most.
+    # Written out: 40 µm in each part, which is 23 mm/s undivided (0: but where contacts change); a
+    # power of two, eight at most.
     assert parts_of(Scene(ROUND), 2.0 * max(speed, 0.0) * STEP_S, speed) == parts
 
 
@@ -389,12 +393,62 @@ def test_a_step_is_not_divided_far_above_the_tips_nor_below_them(height: float) 
     assert parts_of(Scene(ROUND), height, 0.1) == 1
 
 
-def test_a_step_is_divided_where_the_sheet_lies_on_tips() -> None:
-    on_tips, in_place = fallen(ROUND, 3e-3, 0.0, 0.0), fallen(ROUND, 0.0, 0.0, 0.0)
-    for scene, parts in ((on_tips, 4), (in_place, 1)):
-        scene.pins.on_step()
-        scene.pins.peaks()
-        assert scene.pins.parts() == parts
+def test_a_step_is_divided_where_a_sheet_that_lies_on_tips_comes_off_one() -> None:
+    scene, in_place = Scene(ROUND), fallen(ROUND, 0.0, 0.0, 0.0)
+    scene.put(3e-3, 0.0, ROUND.pins.height_m + 5e-4)
+    scene.fall()
+    for each, parts in ((scene, 0), (in_place, 1)):
+        each.pins.on_step()
+        each.pins.peaks()
+        assert each.pins.parts() == parts
+    pins, held = scene.pins, scene.contacts()
+    pins.on_step()
+    assert pins.parts_by_contacts() == 1
+    # It rests less deep than that in the tips, and would have a whole step to fall.
+    scene.data.qpos[2] += 5e-6
+    mujoco.mj_step1(scene.model, scene.data)
+    assert not scene.contacts()
+    # Written out: F dt²/m n² is at most 40 µm, m of a strip; of the tip that bears most.
+    largest = max(
+        float(np.linalg.norm(sum(force for _, other, force in held if other == pin)))
+        for pin in {other for _, other, _ in held}
+    )
+    fall = largest * STEP_S**2 / (STRIP.mass_kg / (STRIPS.hinges + 1)) / 40e-6
+    parts = pins.parts_by_contacts()
+    assert 0.5 * parts < math.sqrt(fall) <= parts
+    pins.on_step()
+    # One more step, in which it is caught.
+    assert [pins.parts_by_contacts() for _ in range(3)] == [parts, 1, 1]
+
+
+def off_a_tip(force: float, *, divided: bool) -> float:
+    """Return how deep a sheet falls [m] that is pressed on a tip and comes off it for a moment."""
+    scene, depth = Scene(ROUND), 0.0
+    scene.put(3e-3, 0.0, ROUND.pins.height_m + 5e-4)
+    pin = scene.model.geom("pin_middle_left").id
+    scene.fall()
+    pressed = next(geom for geom, other, _ in scene.contacts() if other == pin)
+    scene.data.xfrc_applied[scene.model.geom_bodyid[pressed], 2] = -force
+    scene.fall()
+    scene.data.qpos[2] += 5e-6
+    if not divided:
+        scene.pins.parts_by_contacts = lambda: 1  # type: ignore[method-assign]
+    for _ in range(8):
+        scene.fall(STEP_S)
+        depth = max(depth, -float(scene.data.contact.dist.min(initial=0.0)))
+    return depth
+
+
+@pytest.mark.parametrize("force", [0.5, 1.5, 5.0])
+def test_a_sheet_that_comes_off_a_tip_for_a_moment_is_caught_before_it_is_deep(
+    force: float,
+) -> None:
+    # Measured: 17 to 52 µm; undivided 0.2 to 1.9 mm.
+    assert off_a_tip(force, divided=True) < 0.1e-3
+
+
+def test_in_whole_steps_it_falls_deep() -> None:
+    assert off_a_tip(1.5, divided=False) > 0.2e-3
 
 
 # --- one on another -----------------------------------------------------------------------------
@@ -457,7 +511,7 @@ def test_a_pin_that_is_thicker_than_its_hole_does_not_let_it_down() -> None:
 
 def test_a_step_is_divided_where_a_hole_is_around_a_tip_that_is_too_thick_for_it() -> None:
     """All around the tip it is as stiff as metal. Elsewhere, on the stand too, it is not."""
-    for layout, parts in ((ROUND, 1), (THICK, 16)):
+    for layout, parts in ((ROUND, 0), (THICK, 16)):
         assert parts_of(Scene(layout), -2.1e-3, 0.0) == parts
     assert parts_of(Scene(THICK), 1e-3, 0.0) == 1
     scene = Scene(THICK)

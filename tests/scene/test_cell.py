@@ -521,12 +521,13 @@ def test_a_sensor_by_its_own_clock_tells_its_newest_sample_that_is_old_enough(
 # --- the model as a file ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("parts", [2, 8])
+@pytest.mark.parametrize(("parts", "by_contacts"), [(2, False), (8, False), (8, True)])
 def test_a_divided_step_takes_as_long_and_leads_to_the_same_rest(
-    held: tuple[Simulation, Observation], bent: Cell, parts: int
+    held: tuple[Simulation, Observation], bent: Cell, parts: int, by_contacts: bool
 ) -> None:
     simulation, steps = bent.simulation(), list[float]()
-    simulation.parts = lambda: parts
+    simulation.parts = lambda: 0 if by_contacts else parts
+    simulation.parts_by_contacts = lambda: parts
     simulation.on_step.append(lambda: steps.append(simulation.model.opt.timestep))
     seen = bent.hold(simulation, 50)
     # Exact: halves of halves.
@@ -536,6 +537,19 @@ def test_a_divided_step_takes_as_long_and_leads_to_the_same_rest(
     # Of the order of a step: what is left of the motion after 1.4 s.
     np.testing.assert_allclose(seen.q, held[1].q, atol=1e-5)
     np.testing.assert_allclose(seen.wrench, held[1].wrench, atol=0.02)
+
+
+def test_a_step_whose_contacts_are_found_first_is_the_same_step(
+    held: tuple[Simulation, Observation], bent: Cell
+) -> None:
+    simulation, times = bent.simulation(), list[float]()
+    simulation.parts = lambda: 0
+    simulation.parts_by_contacts = lambda: times.append(simulation.data.time) or 1
+    seen = bent.hold(simulation, 50)
+    # Exact: the same operations.
+    np.testing.assert_array_equal(seen.q, held[1].q)
+    np.testing.assert_array_equal(seen.wrench, held[1].wrench)
+    assert len(times) == 50 * 16
 
 
 def test_no_warning_in_a_second(held: tuple[Simulation, Observation]) -> None:

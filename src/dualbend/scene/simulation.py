@@ -90,7 +90,11 @@ class Simulation:
         self.on_step: list[Callable[[], None]] = []
         """Called after every physics step, where once per cycle would miss a peak."""
         self.parts: Callable[[], int] = _undivided
-        """Asked before every physics step into how many, a power of two, it is to be divided."""
+        """Asked before every physics step into how many, a power of two, it is to be divided.
+
+        0: its contacts are to be found first, and :attr:`parts_by_contacts` to be asked.
+        """
+        self.parts_by_contacts: Callable[[], int] = _undivided
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
         """Torques (n,) [N m] that the drives add, of joint angles and speeds (n,); None: the
         Coriolis torques of these arms, and any weight that they do not compensate by themselves."""
@@ -204,6 +208,12 @@ class Simulation:
             for row in rows[done:until]:
                 self._ctrl[:] = row
                 parts = self.parts()
+                if not parts:
+                    if step is mujoco.mj_step:
+                        mujoco.mj_step1(model, data)
+                    parts = self.parts_by_contacts()
+                    # Contacts of shorter steps are stiffer, and are found anew.
+                    step = mujoco.mj_step if parts > 1 else mujoco.mj_step2
                 if parts > 1:
                     options.timestep = whole_s / parts
                 for _ in range(parts):

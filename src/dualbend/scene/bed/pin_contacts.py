@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import mujoco
@@ -15,6 +16,9 @@ from dualbend.types import Vector
 
 _FALLS_FROM_M, _NEAR_M, _RESOLVED_M = 8e-3, 0.5e-3, 40e-6
 """From where above a tip holes are watched, what tilt adds, and the motion that a step resolves."""
+
+_FINE, _FINE_STEPS = 8.0, 2
+"""Parts of a step where holes fall, at most, and for how many steps one that was lost counts."""
 
 _SLOPE, _FAR_M, _MOST_M = 0.3, 3e-3, 6e-3
 """Of a bent sheet, how far from its pin a hole is where that counts, and what it makes at most."""
@@ -30,7 +34,7 @@ _MOST_PARTS = 32
 _TOLD = 7
 """Numbers of each pin's sensors: net force, largest force of a contact, its distance."""
 
-_THICK_M = 0.5e-3
+_THICK_M = 0.45e-3
 """Sheets that are thinner than this are resolved finer in proportion: less of it comes through."""
 
 
@@ -64,17 +68,21 @@ class PinContacts:
         first = model.sensor(f"net_{holes[0]}").adr[0]
         # Python in every physics step: what is told is only kept, and looked at once a cycle.
         self._told = data.sensordata[first : first + _TOLD * self._count]
-        self._distance = self._told[_TOLD - 1 :: _TOLD]
         self._steps = list[bytes]()
         self._sites = np.array([model.site(f"hole_{hole}").id for hole in holes])
         self._site_heights = data.site_xpos[:, 2]
         self._pins = np.column_stack((hole_places(layout.holes), [layout.bed.top_m] * self._count))
-        self._half_thickness_m = sheet.thickness_m / 2
+        self._half_thickness_m, self._width_m = sheet.thickness_m / 2, sheet.width_m
         self._finer = max(1.0, _THICK_M / sheet.thickness_m)
         # The holes' height with their lower face on a tip, and from where on down tips are struck.
         self._tips_m = layout.bed.top_m + layout.pins.height_m + self._half_thickness_m
         # A thicker pin's round tip begins lower.
         self._struck_m = -layout.pins.tip_m - 0.5 * float(layout.thicker_m.max())
+        self._pairs, self._finest, self._lost = b"", 1, 0
+        # What a tip stops at once of a sheet that comes off another one is of the size of a strip.
+        self._parts_of_root_n = model.opt.timestep / math.sqrt(
+            _RESOLVED_M / self._finer * sheet.mass_kg / (strips.hinges + 1)
+        )
         self._height, self._near, self._tilts_m = [0.0] * self._count, False, _NEAR_M
         self._strips = [model.body(strip_body(i)).id for i in range(strips.hinges + 1)]
         self._model = model
@@ -94,6 +102,8 @@ class PinContacts:
     def on_step(self) -> None:
         """Keep what is told of the pins for :meth:`peaks`; once per physics step."""
         self._steps.append(self._told.tobytes())
+        if self._near:
+            self._pairs = self._data.contact.geom.tobytes()
 
     def _wedge(self, wedged: bool) -> None:
         """Let pins that are too thick bear a hole all around, or touch as the others do."""
@@ -107,38 +117,59 @@ class PinContacts:
         """Return into how many the next physics step must be divided, not to miss an impact.
 
         So that a hole that comes down to a tip moves by `_RESOLVED_M` in each, down to an eighth;
-        a thin sheet's by less. Into four where a sheet is on a tip: pressed by F, m of it fall
-        F dt²/m deep in the one step that a contact is lost. Into `_WEDGED` where its hole is
-        smaller than the pin, whose contact is another then.
+        a thin sheet's by less. Into `_WEDGED` where its hole is smaller than the pin, whose contact
+        is another then. 0 near a tip, else: :meth:`parts_by_contacts` tells it.
         """
         if not self._near:
             self._wedge(False)
             return 1
-        heights, needed, wedged = self._heights(), 0.0, False
-        lowest, distances = self._struck_m - self._tilts_m, self._distance.tolist()
-        holes = zip(heights, self._height, distances, self._jams, strict=True)
-        for now, before, distance, jams in holes:
+        heights, needed, near, wedged = self._heights(), 0.0, False, False
+        lowest = self._struck_m - self._tilts_m
+        for now, before, jams in zip(heights, self._height, self._jams, strict=True):
             fall, above = before - now, now - self._tips_m
             if lowest < above < 3.0 * fall + self._tilts_m:
-                needed = max(needed, fall / _RESOLVED_M, 4.0 if distance < 0.0 else 0.0)
+                near, needed = True, max(needed, fall / _RESOLVED_M)
                 wedged = wedged or (jams and above < 0.0)
         self._height = heights
         self._wedge(wedged)
-        needed = _WEDGED if wedged else min(needed, 8.0) * self._finer
-        parts = 1
-        while parts < needed and parts < _MOST_PARTS:
-            parts *= 2
-        return parts
+        if wedged:
+            return _power_of_two(_WEDGED)
+        needed = min(needed, _FINE) * self._finer
+        if near and needed <= 1.0:
+            return 0
+        return _power_of_two(max(needed, self._parts_by_force()))
+
+    def _parts_by_force(self) -> float:
+        """Return into how many a step must be divided in which a tip may lose what it bears."""
+        force = self._told.reshape(-1, _TOLD)[:, :3]
+        return self._parts_of_root_n * float((force * force).sum(axis=1).max()) ** 0.25
+
+    def parts_by_contacts(self) -> int:
+        """Return the same, by the contacts of that step, which have been found.
+
+        A sheet that is pressed on a tip by F rests a fraction of a micrometre deep in it. Where it
+        comes off by as much, a strip of mass m falls F dt²/m in that one step, 2 mm by 1.2 N in a
+        whole one: so in one of dt √(F/m r) parts it falls by what is resolved, r.
+        """
+        if self._data.contact.geom.tobytes() != self._pairs:
+            self._finest, self._lost = _power_of_two(self._parts_by_force()), _FINE_STEPS
+        if not self._lost:
+            return 1
+        self._lost -= 1
+        return self._finest
 
     def peaks(self) -> PinPeaks:
         """Return the peaks, and start again; once per command cycle."""
         self._height = self._heights()
-        away = [max(abs(x), abs(y)) for x, y, _ in self.offsets().tolist()]
+        offsets = self.offsets().tolist()
+        away = [max(abs(x), abs(y)) for x, y, _ in offsets]
         # A pin far from its hole meets the bent sheet higher or lower than the hole is.
         self._tilts_m = _NEAR_M + min(_SLOPE * max(max(away) - _FAR_M, 0.0), _MOST_M)
         self._jams = [thick and far < _FAR_M for thick, far in zip(self._thick, away, strict=True)]
         low, high = self._struck_m - self._tilts_m, _FALLS_FROM_M + self._tilts_m
-        self._near = any(low < height - self._tips_m < high for height in self._height)
+        # A sheet that is further aside than its width, as on the stand, is over no pin.
+        aside = min(abs(y) for _, y, _ in offsets) > self._width_m
+        self._near = not aside and any(low < z - self._tips_m < high for z in self._height)
         told = np.frombuffer(b"".join(self._steps)).reshape(-1, self._count, _TOLD)
         self._steps.clear()
         if not np.count_nonzero(told):
@@ -164,3 +195,11 @@ class PinContacts:
             # A strip's centre of mass is its plate's middle; the simulated model has no plates.
             data.mocap_pos[mocap] = data.xipos[strip]
             data.mocap_quat[mocap] = data.xquat[strip]
+
+
+def _power_of_two(needed: float) -> int:
+    """Return the least power of two that is not less, up to `_MOST_PARTS`."""
+    parts = 1
+    while parts < needed and parts < _MOST_PARTS:
+        parts *= 2
+    return parts

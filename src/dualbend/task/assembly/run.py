@@ -26,7 +26,7 @@ from dualbend.run.record import TableRow
 from dualbend.scenario.scenario import Scenario
 from dualbend.scene.bed.pin_contacts import PinContacts
 from dualbend.scene.grippers import Grippers
-from dualbend.scene.ik import Targets, carried_targets
+from dualbend.scene.ik import carried_targets
 from dualbend.scene.observation import BENDING_TO_WORLD, SensorSample
 from dualbend.scene.warnings import SimulationFailed
 from dualbend.task.assembly.config import AssemblyConfig, ErrorsConfig, assembly_of
@@ -165,6 +165,7 @@ class AssemblyRun(Run):
         )
         simulation.on_step += [self.pins.on_step, self.grippers.on_step]
         simulation.parts = self.pins.parts
+        simulation.parts_by_contacts = self.pins.parts_by_contacts
         if self.config.compliance is not None:
             self.stiffness = self._stiffness(cell)
             rate = stable_rate(scenario) / self.config.compliance.gain_margin
@@ -311,14 +312,16 @@ class AssemblyRun(Run):
         grip = self.cell.measured.grips(seen)[:, :3] * BENDING_TO_WORLD
         self.send(self.solve(targets), told, command, free=goal.free)
         self.grippers.update()
+        sent, place = np.array([target.translation() for target in targets]), _between(grip)
         sensed = Sensed(
             net=net,
             vertical=felt[:, 2],
             moment=felt[:, 4],
             tension=float(felt[:, 0].mean()),
             gap=self.grippers.gap_m,
-            error_m=_error(targets, grip),
-            place=_between(grip),
+            error_m=float(np.linalg.norm(grip - sent, axis=1).max()),
+            place=place,
+            behind=_between(sent) - place,
         )
         if self._task.advance(sensed) is None:
             self._lay()
@@ -375,12 +378,6 @@ class AssemblyRun(Run):
 
 def _place(posture: Posture) -> Vector:
     return np.array([posture.x, posture.y, posture.z, posture.yaw])
-
-
-def _error(targets: Targets, grip: Vector) -> float:
-    """Return how far the grips (2, 3) are from where they are sent, the farther one [m]."""
-    sent = np.array([target.translation() for target in targets])
-    return float(np.linalg.norm(grip - sent, axis=1).max())
 
 
 def _between(grip: Vector) -> Vector:

@@ -85,7 +85,8 @@ class Sensed:
     positive where the sheet bends down. ``tension`` of the sheet between both arms,
     their mean [N]. ``gap`` (2,): between the pads [m].
     ``error_m``: distance of the grips from where they were sent; ``place`` (3,): x, y [m] and yaw
-    [rad] of the sheet between them; both by the joints' encoders.
+    [rad] of the sheet between them; ``behind`` (3,): where it was sent, less that; all by the
+    joints' encoders.
     """
 
     net: Vector
@@ -95,6 +96,7 @@ class Sensed:
     gap: Vector
     error_m: float
     place: Vector
+    behind: Vector
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from dualbend.planning.geometry import Circle, circles, smallest_circle
 from dualbend.scene.bed.config import Group, HolesConfig
 from dualbend.task.assembly.config import AssemblyConfig
-from dualbend.task.assembly.program.motions import Pace, Posture, interpolate, turned
+from dualbend.task.assembly.program.motions import turned
 from dualbend.task.assembly.program.search import HolePair
 from dualbend.task.assembly.program.state import Pushed, State
-from dualbend.task.assembly.program.steps import Motion, Step
+from dualbend.task.assembly.program.steps import Step
 from dualbend.types import Vector
 
 _M_PER_S, _SEEN_LATE_S, _STUCK_M = 3e-4, 0.3, 2e-3
@@ -38,48 +37,75 @@ _NO_PLAY = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class TouchPins(Step):
-    """Move the sheet one way until its pins hold it; stop the task where they do not.
+class Feel(Step):
+    """Send the sheet one way, until the encoders or the sensors tell that it is far enough.
 
     ``axis``: x, y or yaw, that about ``centre`` (2,) [m]; ``step``: of a cycle, one way or the
-    other, [m] or [rad]. They hold it where it is pushed back with ``force`` [N] or [N m], within
-    ``most`` of motion, as the encoders tell it: arms that stick need not go where they are sent.
-    ``slack``: sent further, an arm that has not moved is stuck. ``must``: else it only ends there.
+    other, [m] or [rad]. Arms that stick need not go where they are sent: ``most`` of motion, as
+    the encoders tell it; sent further than that and ``slack``, an arm that has not moved is stuck.
     """
 
     axis: int
     centre: Vector
     step: float
-    force: float
     most: float
     slack: float
+
+    @property
+    def way(self) -> float:
+        """The sign of the motion."""
+        return math.copysign(1.0, self.step)
+
+    def send(self, state: State) -> float | None:
+        """Send the sheet a step further; where it has come or was sent too far, by how much."""
+        place = state.seen[-1].place
+        if state.cycle == 0:
+            state.touch_from = place
+        assert state.touch_from is not None
+        moved = self.way * float(place[self.axis] - state.touch_from[self.axis])
+        if moved > self.most or state.cycle * abs(self.step) > self.most + self.slack:
+            return moved
+        if self.axis == 2:
+            state.posture = turned(state.posture, self.step, self.centre)
+        else:
+            name = "xy"[self.axis]
+            here = getattr(state.posture, name) + self.step
+            state.posture = replace(state.posture, **{name: here})
+        state.cycle += 1
+        return None
+
+    @staticmethod
+    def stay(state: State) -> None:
+        """Send the sheet where it is: arms that stick would come after, and press on its pins."""
+        posture, (x, y, yaw) = state.posture, state.seen[-1].behind.tolist()
+        x, y, yaw = posture.x - x, posture.y - y, posture.yaw - yaw
+        state.posture = replace(posture, x=x, y=y, yaw=yaw)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchPins(Feel):
+    """Move the sheet one way until its pins hold it; stop the task where they do not.
+
+    They do where it is pushed back with ``force`` [N] or [N m]. ``must``: else it only ends there.
+    """
+
+    force: float
     must: bool = True
 
     def advance(self, state: State) -> bool:
         """Go on until the force is felt."""
-        seen, name, way = state.seen[-1], ("x", "y", "yaw")[self.axis], math.copysign(1, self.step)
-        if state.cycle == 0:
-            state.begin, state.touch_from = state.posture, seen.place
-        assert state.touch_from is not None
+        seen = state.seen[-1]
         wrench = state.contact_wrench(seen.net, self.centre)
-        felt = -way * float(wrench[self.axis])
-        if felt >= self.force:
-            state.pushed.append(Pushed(seen.place, wrench))
-            return False
-        moved = way * float(seen.place[self.axis] - state.touch_from[self.axis])
-        sent = abs(state.cycle * self.step)
-        if moved > self.most or sent > self.most + self.slack:
-            if not self.must:
-                state.pushed.append(Pushed(seen.place, wrench))
-                return False
-            raise state.stopped(self._said(moved, felt))
-        if name == "yaw":
-            state.posture = turned(state.posture, self.step, self.centre)
-        else:
-            here = getattr(state.posture, name) + self.step
-            state.posture = replace(state.posture, **{name: here})
-        state.cycle += 1
-        return True
+        felt = -self.way * float(wrench[self.axis])
+        if felt < self.force:
+            moved = self.send(state)
+            if moved is None:
+                return True
+            if self.must:
+                raise state.stopped(self._said(moved, felt))
+        state.pushed.append(Pushed(seen.place, wrench))
+        self.stay(state)
+        return False
 
     def _said(self, moved: float, felt: float) -> str:
         how = ("along it", "across it", "by turning it")[self.axis]
@@ -92,12 +118,20 @@ class TouchPins(Step):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Centre(Motion):
-    """Go back by half of the motion from one contact to the other."""
+class Centre(Feel):
+    """Go back to the middle between the last two contacts, as the encoders tell it.
 
-    def target(self, state: State) -> Posture:
-        """Return the middle between here and where the last motion began."""
-        return interpolate(state.posture, state.begin, 0.5)
+    Arms that stick do not come there by being sent, and the next motion would begin at one end of
+    the play.
+    """
+
+    def advance(self, state: State) -> bool:
+        """Go on until it is there; what sticks all the way is left where it is."""
+        ends, at = [place[self.axis] for place, _ in state.pushed], state.seen[-1].place[self.axis]
+        if self.way * (float(np.mean(ends)) - float(at)) > 0.0 and self.send(state) is None:
+            return True
+        self.stay(state)
+        return False
 
 
 def _shares(pushed: Iterable[Pushed], places: Vector) -> tuple[list[float], list[float]]:
@@ -235,13 +269,13 @@ class Feeling:
     """Steps that move the sheet from pin to pin, with ``force_n`` at most.
 
     ``rubber`` (3,): stiffness of both grips along x, y [N/m] and about the vertical [N m/rad];
-    ``pace`` of the motions back to the middle; ``slower``: by which factor pins are felt for.
+    ``slower``: by which factor pins are felt for.
     """
 
     holes: HolesConfig
     force_n: float
     rubber: Vector
-    pace: Pace
+    period_s: float
     slower: int = 1
 
     def jammed(self, pair: HolePair) -> Iterator[Step]:
@@ -250,10 +284,10 @@ class Feeling:
         if not around.radius_m:
             return
         play = self.holes.clearance_m / around.radius_m
-        touches = gently._touches(2, play, around, must=False)
+        *touches, back = gently._touches(2, play, around, must=False)
         force, places = gently.force_n * around.radius_m, self.holes.places_of("middle")
         check = CheckPlay(play=play, force=force, places=places)
-        for step in (*touches, check, gently._back()):
+        for step in (*touches, check, back):
             yield WhereOneIsOn(holes=pair, step=step)
 
     def middle(self) -> Iterator[Step]:
@@ -265,9 +299,8 @@ class Feeling:
         gently, around = self._gently()
         for check in self._pair("middle"):
             play = self.holes.clearance_m / around.radius_m
-            yield from gently._touches(2, 2.0 * play, around)
-            yield check
-            yield gently._back()
+            *touches, back = gently._touches(2, 2.0 * play, around)
+            yield from (*touches, check, back)
 
     def all(self) -> Iterator[Step]:
         """Move the sheet along, across and turning about the vertical.
@@ -280,13 +313,11 @@ class Feeling:
         c, around = self.holes.clearance_m, circles(self.holes)[1]
         for axis in (0, 1):
             yield from self._touches(axis, 2.0 * c)
-            yield self._back()
         far, away = around.radius_m, self.holes.places_of("middle") - around.centre_m
         near = float(np.hypot(*away.T).max())
         free = 0.5 * (c / far + c / near) if 0.0 < near < far else 2.0 * c / far
-        yield from self._touches(2, free, around)
-        yield from self._pair("outer")
-        yield self._back()
+        *touches, back = self._touches(2, free, around)
+        yield from (*touches, *self._pair("outer"), back)
 
     def _gently(self) -> tuple[Feeling, Circle]:
         """Return what feels middle pins, and the circle around them."""
@@ -301,27 +332,23 @@ class Feeling:
 
     def _touches(
         self, axis: int, free: float, around: Circle = _ALONG, *, must: bool = True
-    ) -> Iterator[TouchPins]:
-        """Move the sheet one way, and the other; it may move freely by ``free`` [m] or [rad].
+    ) -> Iterator[Feel]:
+        """Move the sheet one way, the other, and back; it may move freely by ``free`` [m] or [rad].
 
         It is turned about the centre of a circle, with the force at its radius.
         """
         centre, arm = around
         force, speed = self.force_n * arm, _M_PER_S / self.slower / arm
         yields = 2.0 * force / float(self.rubber[axis]) + _SEEN_LATE_S * speed
-        step, slack = speed * self.pace.period_s, _STUCK_M / arm
-        touch = partial(
-            TouchPins,
-            axis=axis,
-            centre=centre,
-            force=force,
-            most=free + yields,
-            slack=slack,
-            must=must,
-        )
-        yield touch(step=step)
-        yield touch(step=-step)
-
-    def _back(self) -> Centre:
-        turning = self.pace.linear_m_per_s / circles(self.holes)[1].radius_m
-        return Centre(pace=replace(self.pace, angular_rad_per_s=turning))
+        most, slack, step = free + yields, _STUCK_M / arm, speed * self.period_s
+        for each in (step, -step):
+            yield TouchPins(
+                axis=axis,
+                centre=centre,
+                step=each,
+                most=most,
+                slack=slack,
+                force=force,
+                must=must,
+            )
+        yield Centre(axis=axis, centre=centre, step=step, most=most, slack=slack)

@@ -151,6 +151,7 @@ class State:
             gap=self.mean_of("gap", quick=quick),
             error_m=max(sensed.error_m for sensed in self._last(quick=quick)),
             place=self.mean_of("place", quick=quick),
+            behind=self.mean_of("behind", quick=quick),
         )
 
     def mean_of(self, name: str, *, quick: bool = False) -> Vector:

@@ -323,9 +323,11 @@ class AssemblyProgram:
         config = self.config
         if not config.check_force_n:
             return None
-        pace = replace(self.pace, linear_m_per_s=config.speeds.contact_m_per_s)
         return Feeling(
-            holes=config.layout.holes, force_n=config.check_force_n, rubber=self.rubber, pace=pace
+            holes=config.layout.holes,
+            force_n=config.check_force_n,
+            rubber=self.rubber,
+            period_s=self.pace.period_s,
         )
 
     def _middle_holes(self, layer: int) -> HolePair:
