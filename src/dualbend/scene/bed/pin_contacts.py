@@ -79,8 +79,9 @@ class PinContacts:
         # A thicker pin's round tip begins lower.
         self._struck_m = -layout.pins.tip_m - 0.5 * float(layout.thicker_m.max())
         self._pairs, self._finest, self._lost = b"", 1, 0
+        self._at_tips: list[int] = []
         # What a tip stops at once of a sheet that comes off another one is of the size of a strip.
-        self._parts_of_root_n = model.opt.timestep / math.sqrt(
+        self._parts_of_root_n: float = model.opt.timestep / math.sqrt(
             _RESOLVED_M / self._finer * sheet.mass_kg / (strips.hinges + 1)
         )
         self._height, self._near, self._tilts_m = [0.0] * self._count, False, _NEAR_M
@@ -123,26 +124,29 @@ class PinContacts:
         if not self._near:
             self._wedge(False)
             return 1
-        heights, needed, near, wedged = self._heights(), 0.0, False, False
-        lowest = self._struck_m - self._tilts_m
-        for now, before, jams in zip(heights, self._height, self._jams, strict=True):
+        heights, needed, wedged = self._heights(), 0.0, False
+        lowest, self._at_tips = self._struck_m - self._tilts_m, list[int]()
+        holes = zip(heights, self._height, self._jams, strict=True)
+        for i, (now, before, jams) in enumerate(holes):
             fall, above = before - now, now - self._tips_m
             if lowest < above < 3.0 * fall + self._tilts_m:
-                near, needed = True, max(needed, fall / _RESOLVED_M)
+                self._at_tips.append(i)
+                needed = max(needed, fall / _RESOLVED_M)
                 wedged = wedged or (jams and above < 0.0)
         self._height = heights
         self._wedge(wedged)
         if wedged:
             return _power_of_two(_WEDGED)
         needed = min(needed, _FINE) * self._finer
-        if near and needed <= 1.0:
-            return 0
+        if needed <= 1.0:
+            return 0 if self._at_tips else 1
         return _power_of_two(max(needed, self._parts_by_force()))
 
     def _parts_by_force(self) -> float:
         """Return into how many a step must be divided in which a tip may lose what it bears."""
-        force = self._told.reshape(-1, _TOLD)[:, :3]
-        return self._parts_of_root_n * float((force * force).sum(axis=1).max()) ** 0.25
+        told: list[float] = self._told.tolist()
+        borne = max(math.hypot(*told[i * _TOLD : i * _TOLD + 3]) for i in self._at_tips)
+        return self._parts_of_root_n * math.sqrt(borne)
 
     def parts_by_contacts(self) -> int:
         """Return the same, by the contacts of that step, which have been found.
