@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple, Protocol, Self
 
 import mujoco
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from dualbend.imperfection.robot import Stribeck
 from dualbend.run.cell import RobotCell
 from dualbend.scene.mjcf import about_zyx
-from dualbend.scene.observation import Observation, Observer, SensorSample, Source
+from dualbend.scene.observation import Drives, Observation, Observer, SensorSample, Source
 from dualbend.scene.posed import differing
 from dualbend.scene.simulation import Simulation
 from dualbend.types import Mask, Vector
@@ -93,6 +92,9 @@ class CpuPhysics:
         self._ctrl, self._touching = self.data.bind("ctrl"), self.data.bind("ncon")
         joints = len(self._dofs)
         self._stiffness = -np.array([model.actuator_biasprm[:joints, 1] for model in models])
+        self._drives = Drives(first.torque_limit, self._stiffness, first.model.opt.timestep)
+        self._limits = self.data.expand("jnt_actfrcrange")
+        self._limited = [first.model.joint(name).id for name in first.joints]
         self._friction: Stribeck | None = None
         laws = [cell.friction_law for cell in cells if cell.friction_law is not None]
         if laws:
@@ -108,7 +110,7 @@ class CpuPhysics:
         # The first observation tells the torques of the start, which no step has computed yet.
         begun = states.copy()
         self.data.forward()
-        self._torque = self.data.qfrc_actuator[:, self._dofs]
+        self._note_torque()
         states[:] = begun
         wrench, rotation = (np.stack([start.sample[i] for start in starts]) for i in range(2))
         return self._samples.reset((wrench, rotation))
@@ -126,8 +128,9 @@ class CpuPhysics:
     def observe(self, active: Mask) -> Observation:
         """As :meth:`dualbend.scene.simulation.Simulation.observe`, of the active worlds."""
         self._guarded(lambda ids: self.data.forward(ids, mujoco.mjtStage.mjSTAGE_VEL), active)
-        seen = self.observer.observation(self.data, self.observer.pad_loads(self.data))
-        return replace(seen, torque=self._torque)
+        return self.observer.observation(
+            self.data, self.observer.pad_loads(self.data), self._torque
+        )
 
     def displace(self, worlds: NDArray[np.int_], errors: Vector) -> None:
         """As :meth:`dualbend.scene.simulation.Simulation.displace_grasps` does it in one."""
@@ -146,6 +149,7 @@ class CpuPhysics:
         control = np.repeat(data.ctrl[:, np.newaxis], self._steps, axis=1)
         feed_forward = (torque / self._stiffness)[:, np.newaxis]
         control[..., : setpoints.shape[-1]] = setpoints + feed_forward
+        self._limits[:, self._limited] = self._drives.range(data.qvel[:, self._dofs])
         done = 0
         while done < self._steps:
             left = self._steps - done
@@ -160,9 +164,13 @@ class CpuPhysics:
             if self._samples.passed(steps):
                 self._samples.take(self.observer.sample(data))
         # Positions and speeds do not tell what the last step's torques were.
-        self._torque = data.qfrc_actuator[:, self._dofs]
+        self._note_torque()
         self._failed |= data.warning.reshape(len(self._failed), -1).any(axis=-1)
         return self._samples.told()
+
+    def _note_torque(self) -> None:
+        told, speed = self.data.qfrc_actuator[:, self._dofs], self.data.qvel[:, self._dofs]
+        self._torque = self._drives.torque(told, speed)
 
     @property
     def q(self) -> Vector:

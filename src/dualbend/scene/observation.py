@@ -59,6 +59,10 @@ class Observation:
     sag: Reals
 
 
+_AT_LIMIT = 1.0 - 1e-9
+"""Share of the limit from where on a drive is at it."""
+
+
 class SensorSample(msgspec.Struct, frozen=True, kw_only=True):
     """True wrench on the arms at the wrist sensors, in their frames, delayed by the latency.
 
@@ -69,6 +73,31 @@ class SensorSample(msgspec.Struct, frozen=True, kw_only=True):
     wrench: Vector
     rotation: Vector
     new: bool = True
+
+
+class Drives:
+    """Torques of n position-controlled joints, and what limits them, in implicit steps.
+
+    In a step h MuJoCo's discrete integrator moves a joint by k (u − q⁺) − c q̇, with the angle at
+    its end, q⁺ = q + h q̇⁺. It tells and limits k (u − q) − c q̇, which is k h q̇ more.
+    ``limit`` (..., n) [N m], ``stiffness`` k (..., n) [N m/rad].
+    """
+
+    def __init__(self, limit: Vector, stiffness: Vector, step_s: float) -> None:
+        self._limit, self._lead = limit, step_s * stiffness
+        self._ahead = np.zeros_like(self._lead)
+
+    def range(self, speed: Vector) -> Vector:
+        """Return between what MuJoCo is to limit in a cycle that begins at a speed (..., n, 2)."""
+        self._ahead = self._lead * speed
+        return np.stack((self._ahead - self._limit, self._ahead + self._limit), axis=-1)
+
+    def torque(self, told: Vector, speed: Vector) -> Vector:
+        """Return the torque (..., n) of the last step, of which MuJoCo told ``told`` [N m]."""
+        beyond = told - self._ahead
+        # A drive at its limit is there, however its speed has changed in the cycle.
+        within = np.abs(beyond) < self._limit * _AT_LIMIT
+        return np.where(within, told - self._lead * speed, np.copysign(self._limit, beyond))
 
 
 class Observer:
@@ -121,8 +150,11 @@ class Observer:
             + self.pad_damping * data.qvel.take(self._pad_dof, axis=-1)
         )
 
-    def observation(self, data: Source, load: Vector) -> Observation:
-        """Return what is observed where the grips bear a load (..., 2, 6)."""
+    def observation(self, data: Source, load: Vector, torque: Vector) -> Observation:
+        """Return what is observed where the grips bear a load (..., 2, 6), and the drives torques.
+
+        ``torque`` (..., n) [N m].
+        """
         halves = load.reshape(*load.shape[:-1], 2, 3)
         wrench = halves @ self.grip_axes(data).mT
         wrench *= _OF_HALVES
@@ -133,7 +165,7 @@ class Observer:
         return Observation(
             q=data.qpos.take(self._q, axis=-1),
             speed=data.qvel.take(self._dofs, axis=-1),
-            torque=data.qfrc_actuator.take(self._dofs, axis=-1),
+            torque=torque,
             grip=ends[..., 0, :, :],
             edge=edge,
             wrench=wrench.reshape(load.shape),

@@ -13,7 +13,7 @@ from dualbend.control.clock import COMMAND_PERIOD_S, steps_per_cycle
 from dualbend.scene.cell import PAD_SITE, PAD_WIDTH_M, GraspConfig, harden_holds
 from dualbend.scene.contacts import UnintendedContacts
 from dualbend.scene.mjcf import about_zyx
-from dualbend.scene.observation import Observation, Observer, SensorSample
+from dualbend.scene.observation import Drives, Observation, Observer, SensorSample
 from dualbend.scene.samples import SampleLine
 from dualbend.scene.sheet.model import SheetModel, StripModel
 from dualbend.scene.sheet.strips import StripConfig
@@ -70,8 +70,10 @@ class Simulation:
         self.dofs = np.array([joint.dofadr[0] for joint in joints])
         self._dofs = indices(self.dofs)
         self.joint_range = np.array([joint.range for joint in joints])
-        self.torque_limit = model.jnt_actfrcrange[[joint.id for joint in joints], 1].copy()
+        self._limited, self._limits = [joint.id for joint in joints], model.jnt_actfrcrange
+        self.torque_limit: Vector = self._limits[self._limited, 1]
         self.actuator_stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
+        self._drives = Drives(self.torque_limit, self.actuator_stiffness, model.opt.timestep)
         self.sheet = StripModel(model, sheet) if isinstance(sheet, StripConfig) else sheet
         self.bend_stiffness = self.sheet.bend_stiffness
         """Moment over bending angle [N m/rad]."""
@@ -103,6 +105,7 @@ class Simulation:
     def reset(self, positions: Vector) -> SensorSample:
         """Start at rest in positions from :meth:`positions` (nq,) and return the first sample."""
         mujoco.mj_resetData(self.model, self.data)
+        self._limit_torques()
         if self.sliding is not None:
             moved = self.sliding.offset.any()
             self.sliding.reset()
@@ -161,7 +164,12 @@ class Simulation:
         load = self.observer.pad_loads(self.data)
         if self.sliding is not None and any(self.sliding.sliding):
             self.sliding.replace(load)
-        return self.observer.observation(self.data, load)
+        data = self.data
+        told, speed = data.qfrc_actuator.take(self._dofs), data.qvel.take(self._dofs)
+        return self.observer.observation(data, load, self._drives.torque(told, speed))
+
+    def _limit_torques(self) -> None:
+        self._limits[self._limited] = self._drives.range(self.data.qvel.take(self._dofs))
 
     def sensor_axes_at(self, poses: Vector) -> Vector:
         """Return the axes of both sensors (k, 2, 3, 3) of the true arms at encoders' angles."""
@@ -200,6 +208,7 @@ class Simulation:
         else:
             feed_forward = self.fed_forward(self.q, data.qvel.take(self._dofs))
         rows = setpoints + feed_forward / self.actuator_stiffness
+        self._limit_torques()
         after, options, whole_s = self._after_step(), model.opt, model.opt.timestep
         step = mujoco.mj_step2  # what is observed is the first half of this step
         done = 0

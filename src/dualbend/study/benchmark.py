@@ -121,7 +121,7 @@ def _at_rest_s(run: Run, cycles: int) -> Vector:
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _SAME = 1e-9
 """How near positions [m, rad] of a replayed cycle are to be to the run's."""
-_EDITED = ("dof_frictionloss", "site_pos", "site_quat", "geom_conaffinity")
+_EDITED = ("dof_frictionloss", "jnt_actfrcrange", "site_pos", "site_quat", "geom_conaffinity")
 """What friction, misalignment and grippers change in the model during a run."""
 
 

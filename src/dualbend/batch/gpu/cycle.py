@@ -57,6 +57,9 @@ class Cycle:
         self.seen = Reading(self._data, _seen(model, dofs), 1)
         self.samples = Reading(self._data, sampled(model), self.steps + 1)
         self._friction = None if stiction is None else _Friction(models, dofs, stiction)
+        self._ranges = np.array([each.jnt_actfrcrange for each in models])
+        self._model.jnt_actfrcrange = wp.array(self._ranges, dtype=wp.vec2)
+        self._joints = [model.joint(name).id for name in simulation.joints]
 
     def reset(self, positions: Vector, drives: Vector) -> None:
         """Put the worlds at rest in positions (n, nq), their drives at angles (n, joints)."""
@@ -79,6 +82,11 @@ class Cycle:
         """Bring up to date what is read of the present positions."""
         self._observe()
         self.seen.take(0)
+
+    def limit_torques(self, ranges: Vector) -> None:
+        """Say between what the joints' torques are limited, (n, joints, 2) [N m]."""
+        self._ranges[:, self._joints] = ranges
+        self._model.jnt_actfrcrange.assign(self._ranges)
 
     def place_sites(self, places: Vector, quats: Vector) -> None:
         """Put the sites elsewhere in their bodies, (n, sites, 3) [m] and (n, sites, 4)."""

@@ -128,6 +128,11 @@ class WarpPhysics:
             self._displaced = False
         return self.data
 
+    def limit_torques(self, ranges: Vector) -> None:
+        """Say between what the joints' torques are limited, (n, joints, 2) [N m]."""
+        with wp.ScopedDevice(self._device):
+            self._cycle.limit_torques(ranges)
+
     def advance(self, setpoints: Vector, feed_forward: Vector | None = None) -> None:
         """Run one command cycle on set-points (n, steps, joints) [rad], one row a physics step.
 

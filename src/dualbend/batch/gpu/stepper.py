@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dualbend.batch.gpu.physics import WarpPhysics
 from dualbend.batch.physics import Start
 from dualbend.run.cell import RobotCell
-from dualbend.scene.observation import Observation, SensorSample
+from dualbend.scene.observation import Drives, Observation, SensorSample
 from dualbend.types import Mask, Vector
 
 
@@ -32,6 +32,9 @@ class DevicePhysics:
         self.observer, self._samples = simulation.observer, simulation.samples
         self._steps, self._dofs = simulation.steps, simulation.dofs
         self._step_s, self._done, self._worlds = simulation.model.opt.timestep, 0, len(cells)
+        models = [cell.compiled for cell in cells]
+        stiffness = -np.array([each.actuator_biasprm[: len(self._dofs), 1] for each in models])
+        self._drives = Drives(simulation.torque_limit, stiffness, self._step_s)
         self.fed_forward: Callable[[Vector, Vector], Vector] | None = None
         self.data = self._warp.data
 
@@ -54,7 +57,9 @@ class DevicePhysics:
     def observe(self, active: Mask) -> Observation:
         """As :meth:`dualbend.batch.physics.CpuPhysics.observe`."""
         data = self._warp.observe()
-        return self.observer.observation(data, self.observer.pad_loads(data))
+        told, speed = (of[:, self._dofs] for of in (data.qfrc_actuator, data.qvel))
+        load = self.observer.pad_loads(data)
+        return self.observer.observation(data, load, self._drives.torque(told, speed))
 
     def displace(self, worlds: NDArray[np.int_], errors: Vector) -> None:
         """As :meth:`dualbend.batch.physics.CpuPhysics.displace`."""
@@ -67,6 +72,7 @@ class DevicePhysics:
         if self.fed_forward is not None:
             q = self.observer.joint_angles(self.data)
             torque = self.fed_forward(q, self.data.qvel[:, self._dofs])
+        self._warp.limit_torques(self._drives.range(self.data.qvel[:, self._dofs]))
         self._warp.advance(setpoints, torque)
         self._done += self._steps
         for step in range(1, self._steps + 1):
