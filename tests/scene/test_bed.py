@@ -447,6 +447,24 @@ def test_a_sheet_that_comes_off_a_tip_for_a_moment_is_caught_before_it_is_deep(
     assert off_a_tip(force, divided=True) < 0.1e-3
 
 
+def test_a_falling_sheet_that_presses_a_tip_is_divided_by_its_force_as_well() -> None:
+    """At 50 mm/s a step is divided into 4; what is pressed with 5 N may come off in any of them."""
+    scene = Scene(ROUND)
+    scene.put(3e-3, 0.0, ROUND.pins.height_m + 5e-4)
+    pin = scene.model.geom("pin_middle_left").id
+    scene.fall()
+    pressed = next(geom for geom, other, _ in scene.contacts() if other == pin)
+    scene.data.xfrc_applied[scene.model.geom_bodyid[pressed], 2] = -5.0
+    scene.fall()
+    scene.pins.peaks()
+    scene.data.qpos[2] -= 0.05 * STEP_S
+    mujoco.mj_kinematics(scene.model, scene.data)
+    fall = 5.0 * STEP_S**2 / (STRIP.mass_kg / (STRIPS.hinges + 1)) / 40e-6
+    parts = scene.pins.parts()
+    # Written out: F dt²/m n² is at most 40 µm; the weight adds to F.
+    assert 0.5 * parts < math.sqrt(fall) <= parts
+
+
 def test_in_whole_steps_it_falls_deep() -> None:
     assert off_a_tip(1.5, divided=False) > 0.2e-3
 

@@ -684,12 +684,15 @@ def test_arms_that_stick_end_in_the_middle_of_the_play_and_are_sent_no_further()
     """They are sent 0.2 mm ahead before they follow, twice as far as the play is to each side."""
     world = World(make(COMPLIANT))
     answer, sent, place = world.answer, list[Array](), np.array([0.0, world.program.start.y, 0.0])
+    checked = list[Array]()
 
     def stick(goal: Goal) -> Sensed:
         nonlocal place
         posture, slack = goal.posture, 0.2e-3 / np.array([1.0, 1.0, 0.14])
         sent.append(np.array([posture.x, posture.y, posture.yaw]))
         place = np.clip(place, sent[-1] - slack, sent[-1] + slack)
+        if PHASES[goal.phase] == CHECK:
+            checked.append(sent[-1])
         x, y, yaw = place.tolist()
         moved = dataclasses.replace(posture, x=x, y=y, yaw=yaw)
         sensed = answer(dataclasses.replace(goal, posture=moved))
@@ -699,6 +702,11 @@ def test_arms_that_stick_end_in_the_middle_of_the_play_and_are_sent_no_further()
     goals = play(world)
     assert phases(goals)[-1] == "withdraw"
     before = attempts(goals, "seat outer")[0][-1].posture
+    # Sent back at once to where they are at both contacts and in the middle, along each axis and in
+    # turning: by all that they stick, less the next step.
+    step = 0.3e-3 * COMMAND_PERIOD_S / np.array([1.0, 1.0, 0.14])
+    jumps = (np.abs(np.diff(checked, axis=0)) > 10.0 * step).any(axis=1)
+    assert jumps.sum() == 9
     # Two cycles of 0.3 mm/s, as without sticking.
     most = 2e-5 / np.array([1.0, 1.0, 0.14])
     assert (np.abs(place - [before.x, before.y, before.yaw]) <= most).all()
