@@ -574,6 +574,21 @@ def test_a_wedge_that_gives_way_is_told_by_both_pins_that_bear_the_turn() -> Non
     assert stopped(world).endswith("the hole is too small, or the pin too thick")
 
 
+def test_a_sheet_that_is_held_up_however_far_it_is_bent_is_not_bent_further() -> None:
+    """A thin one, or holes that fit by hundredths of a millimetre; beyond, there is no path."""
+    program = make(FEW)
+    world = World(program)
+    outer = world._outer
+    world._outer = lambda goal: (
+        outer(goal)
+        + (  # type: ignore[method-assign]
+            6.0 * program._outer_holes().missed_n if PHASES[goal.phase] == "lower outer" else 0.0
+        )
+    )
+    assert "did not find their pins" in stopped(world)
+    assert max(goal.posture.alpha for goal in world.goals) <= program.bend_rad
+
+
 def test_a_turn_finds_the_outer_pins() -> None:
     goals = play(World(make(FEW), outer_at=lambda posture: posture.yaw > 1e-3))
     groups = attempts(goals, "seat outer")

@@ -32,15 +32,15 @@ class Support(Protocol):
 class HolePair:
     """Two holes that go down on their pins together, and the force by which a pin's tip is felt.
 
-    ``coordinate`` of the posture falls to ``target``; ``support`` tells the force [N]. Above
-    ``touch_n`` it stops the motion; above ``missed_n``, or where the motion ended ``short`` of its
-    target, the holes are not on their pins. ``softness``: motion per force [m/N] or [rad/N].
-    Pressed for ``patience_s`` without ``progress``, they come no further. ``yields``: how far a
-    force [N] holds them above the coordinate. ``cannot``: what it means that they went ``felt``
-    down at two places, as with one hole on a pin, and did not come on; 0: of any end of the search.
-    ``sunk``: height from where on down one of them must be on its pin. ``centre`` (2,) [m] between
-    them, about which they turn. ``turning``: share of the least speed in turning with which they
-    are sought: holes farther out move as fast as the middle.
+    ``coordinate`` of the posture falls to ``target`` and is ``highest`` at most; ``support`` tells
+    the force [N]. Above ``touch_n`` it stops the motion; above ``missed_n``, or where the motion
+    ended ``short`` of its target, the holes are not on their pins. ``softness``: motion per force
+    [m/N] or [rad/N]. Pressed for ``patience_s`` without ``progress``, they come no further.
+    ``yields``: how far a force [N] holds them above the coordinate. ``cannot``: what it means that
+    they went ``felt`` down at two places, as with one hole on a pin, and did not come on; 0: of any
+    end of the search. ``sunk``: height from where on down one of them must be on its pin.
+    ``centre`` (2,) [m] between them, about which they turn. ``turning``: share of the least speed
+    in turning with which they are sought: holes farther out move as fast as the middle.
     """
 
     name: Literal["middle", "outer"]
@@ -57,6 +57,7 @@ class HolePair:
     patience_s: float = math.inf
     progress: float = 0.0
     yields: Callable[[float], float] = rigid
+    highest: float = math.inf
     sunk: float = -math.inf
     centre: Vector = field(default_factory=lambda: np.zeros(2))
     turning: float = 1.0
@@ -147,7 +148,7 @@ class MoveDown(Move):
         # Up or down a little, to reduce the excess of force.
         excess_n = support - 0.8 * holes.touch_n
         back = PRESS_RATE_PER_S * self.pace.period_s * holes.softness * excess_n
-        pressed = {holes.coordinate: max(value + back, self.bottom)}
+        pressed = {holes.coordinate: min(max(value + back, self.bottom), holes.highest)}
         state.posture = replace(state.posture, **pressed)
         state.pressed, state.still = state.pressed + 1, state.still + 1
         state.seeking = holes.turning

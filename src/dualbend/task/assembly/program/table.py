@@ -323,12 +323,8 @@ class AssemblyProgram:
         config = self.config
         if not config.check_force_n:
             return None
-        return Feeling(
-            holes=config.layout.holes,
-            force_n=config.check_force_n,
-            rubber=self.rubber,
-            period_s=self.pace.period_s,
-        )
+        holes, force_n, period_s = config.layout.holes, config.check_force_n, self.pace.period_s
+        return Feeling(holes=holes, force_n=force_n, rubber=self.rubber, period_s=period_s)
 
     def _middle_holes(self, layer: int) -> HolePair:
         """Tell a tip from the press on the bent sheet, whose middle either holds up."""
@@ -365,6 +361,7 @@ class AssemblyProgram:
             name="outer",
             coordinate="alpha",
             target=0.0,
+            highest=self.bend_rad,
             support=partial(State.end_support, shares=stiffness / ends),
             touch_n=max(0.4 * missed, self.least_force_n),
             missed_n=max(missed, self.least_force_n),
