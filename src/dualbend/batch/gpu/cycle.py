@@ -118,16 +118,16 @@ class Cycle:
             wp.launch(kernels.drive, self._at, [self._setpoints, self._fed, step, data.ctrl])
             mjw.step2(self._model, data)
             self.samples.take(step + 1)
-            self._judge()
+            self._note_faults()
             if self._friction is not None:
                 self._friction.follow(self._model, data)
             self._observe()
         self.seen.take(0)
 
-    def _judge(self) -> None:
+    def _note_faults(self) -> None:
         data = self._data
         wp.launch(
-            kernels.judge,
+            kernels.note_faults,
             self._at[0],
             [
                 *(mujoco.mjMAXVAL, _IGNORED, data.overflow, self._start, data.ctrl),

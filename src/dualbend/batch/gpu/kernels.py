@@ -58,7 +58,7 @@ def stribeck(
 
 
 @wp.kernel
-def judge(
+def note_faults(
     limit: float,
     ignored: int,
     overflow: wp.array[int],
