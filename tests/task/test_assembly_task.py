@@ -657,6 +657,14 @@ def test_a_pin_that_is_not_felt_is_told_by_the_force_across(
     assert stopped(world).startswith(f"{phase}: the {pair} {missing} pin is not felt: ")
 
 
+def test_a_hole_that_stays_in_its_play_has_its_pin_whatever_pushes_across(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where one pin pushes, the sheet gives way across, and its other end goes farther."""
+    monkeypatch.setitem(globals(), "STIFFNESS", 100.0 * STIFFNESS)
+    assert phases(play(World(make(COMPLIANT), alone={CHECK: 1.0}))) == list(PHASES)
+
+
 @pytest.mark.parametrize("phase", ["unfold", CHECK])
 @pytest.mark.parametrize("share", [-0.4, 0.4])
 def test_a_force_across_that_does_not_come_of_one_pin_alone_stops_nothing(

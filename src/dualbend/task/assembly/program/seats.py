@@ -29,6 +29,12 @@ _ONE_PIN, _AT_AN_END = 0.5, 0.3
 At each end by itself, too: arms that stick may jump across between both.
 """
 
+_TRAVELS = 1.2
+"""Clearances that a hole travels at least in a turn if its pin lacks; found: 1.4 to 1.6, else 1.06.
+
+Where arms that stick jump across as they turn, two pins push like one, but hold their holes.
+"""
+
 _PUSHED = 0.7
 """Share of what a pin bears with which a sheet may push it."""
 
@@ -155,11 +161,13 @@ class CheckPair(Step):
     Two pins hold the turning sheet with a couple of forces, ±F, across the line between them; one
     of them alone with F, so that the force across it is M/s, s half their distance, and changes its
     sign with the moment M about the middle between them. What two pins that stand off the middle of
-    their play add to it does not. ``places`` (2, 2) of both in the sheet [m], ``names``.
+    their play add to it does not. The hole that lacks its pin travels by ``least`` [m] or more.
+    ``places`` (2, 2) of both in the sheet [m], ``names``.
     """
 
     names: tuple[str, str]
     places: Vector
+    least: float
 
     def advance(self, state: State) -> bool:
         """Compare both ends of the turn."""
@@ -167,7 +175,12 @@ class CheckPair(Step):
         side = math.copysign(1.0, both)
         if abs(both) < _ONE_PIN or min(side * end for end in ends) < _AT_AN_END:
             return False
-        missing = self.names[0 if side > 0.0 else 1].replace("_", " ")
+        lacks = 0 if side > 0.0 else 1
+        x, y, turn = np.subtract(*(place for place, _ in state.pushed)).tolist()
+        along, across = self.places[lacks].tolist()
+        if math.hypot(x - turn * across, y + turn * along) < self.least:
+            return False
+        missing = self.names[lacks].replace("_", " ")
         raise state.stopped(
             f"the {missing} pin is not felt: turned one way and the other, the sheet "
             f"is pushed across with {one:.2f} and {other:.2f} N, by one pin; two would turn "
@@ -297,7 +310,7 @@ class Feeling:
         not hold a turn, and of three or more any two do.
         """
         gently, around = self._gently()
-        for check in self._pair("middle"):
+        for check in self._pair("middle", least=0.0):
             play = self.holes.clearance_m / around.radius_m
             *touches, back = gently._touches(2, 2.0 * play, around)
             yield from (*touches, check, back)
@@ -317,18 +330,18 @@ class Feeling:
         near = float(np.hypot(*away.T).max())
         free = 0.5 * (c / far + c / near) if 0.0 < near < far else 2.0 * c / far
         *touches, back = self._touches(2, free, around)
-        yield from (*touches, *self._pair("outer"), back)
+        yield from (*touches, *self._pair("outer", least=_TRAVELS * c), back)
 
     def _gently(self) -> tuple[Feeling, Circle]:
         """Return what feels middle pins, and the circle around them."""
         gently = replace(self, force_n=0.5 * self.force_n, slower=2)
         return gently, circles(self.holes)[0]
 
-    def _pair(self, group: Group) -> Iterator[CheckPair]:
-        """Yield what tells which one of two pins is missing."""
+    def _pair(self, group: Group, *, least: float) -> Iterator[CheckPair]:
+        """Yield what tells which one of two pins is missing; ``least`` as `CheckPair` has it."""
         names, places = self.holes.names_of(group), self.holes.places_of(group)
         if len(names) == 2:
-            yield CheckPair(names=(names[0], names[1]), places=places)
+            yield CheckPair(names=(names[0], names[1]), places=places, least=least)
 
     def _touches(
         self, axis: int, free: float, around: Circle = _ALONG, *, must: bool = True
