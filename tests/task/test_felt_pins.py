@@ -17,16 +17,17 @@ from dualbend.task.assembly.program.state import Pushed, State
 from dualbend.types import Vector
 
 NAMES = ("outer_1", "outer_2")
+STILL: Vector = np.zeros(3)
 ROW = 'holes.each=[{group="middle", along_m=0.0}, {group="outer", along_m=-0.14}, ' + (
     '{group="outer", along_m=0.12, across_m=0.01}]'
 )
 
 
-def pushed(places: Vector, forces_n: Vector) -> Pushed:
+def pushed(places: Vector, forces_n: Vector, place: Vector = STILL) -> Pushed:
     """Return the wrench of forces (k, 2) at places (k, 2), about the middle between them."""
     arms = places - places.mean(axis=0)
     moment = np.sum(arms[:, 0] * forces_n[:, 1] - arms[:, 1] * forces_n[:, 0])
-    return Pushed(np.zeros(3), np.array([*forces_n.sum(axis=0), moment]))
+    return Pushed(place, np.array([*forces_n.sum(axis=0), moment]))
 
 
 def turned_against(*pushes: Pushed) -> State:
@@ -41,9 +42,12 @@ def turned_against(*pushes: Pushed) -> State:
     return state
 
 
-def check(places: Vector, *forces_n: Vector) -> None:
-    pushes = (pushed(places, forces) for forces in forces_n)
-    CheckPair(names=NAMES, places=places).advance(turned_against(*pushes))
+def check(places: Vector, *forces_n: Vector, turn: Vector = STILL, least_m: float = 0.0) -> None:
+    """Ask of a sheet that stands turned one way, with the first forces, and the other."""
+    pushes = (
+        pushed(places, forces, way * turn) for way, forces in zip((1, -1), forces_n, strict=True)
+    )
+    CheckPair(names=NAMES, places=places, least=least_m).advance(turned_against(*pushes))
 
 
 @given(
@@ -66,8 +70,13 @@ def test_the_pin_that_is_missing_is_named_wherever_both_would_stand(
     for alone in (0, 1):
         one = np.zeros((2, 2))
         one[alone] = 2.0 * couple[alone] + along_n * way
+        # Turned by 1 mrad either way about that pin, the other hole goes 2 mrad times 2 s in all.
+        (x, y), travel = places[alone], 1e-3 * 4.0 * half
+        turn = 1e-3 * np.array([y, -x, 1.0])
         with pytest.raises(TaskStopped, match=f"the outer {2 - alone} pin is not felt"):
-            check(places, one, -one)
+            check(places, one, -one, turn=turn, least_m=0.999 * travel)
+        # A hole that stays in its play has its pin.
+        check(places, one, -one, turn=turn, least_m=1.001 * travel)
 
 
 @pytest.mark.parametrize(
