@@ -1,5 +1,6 @@
 """What pictures show beside and over each other: scales, legends, both arms."""
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
+from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from dualbend.report.figures import plot_compared_moments, plot_moment, plot_stability_map
@@ -39,6 +41,19 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[RunRecord]:
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     return kept_figures(monkeypatch)
+
+
+def test_a_long_reason_is_beside_the_largest_moment_and_not_over_it(
+    runs: list[RunRecord], drawn: list[Figure], tmp_path: Path
+) -> None:
+    words = "the outer right pin is not felt: turned one way and the other, the sheet is pushed"
+    ended = dataclasses.replace(runs[1], outcome="aborted", reason=f"check seats: {words} across")
+    plot_moment(ended, tmp_path / "moment.png")
+    axes = drawn[-1].axes[0]
+    drawn[-1].draw_without_rendering()
+    (largest,) = axes.texts
+    (left,) = (one for one in axes.findobj(Text) if "pushed" in one.get_text())
+    assert not left.get_window_extent().overlaps(largest.get_window_extent())
 
 
 def test_ranges_of_like_size_are_joined() -> None:

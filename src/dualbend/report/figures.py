@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from io import BytesIO
@@ -25,6 +26,9 @@ PALETTE: dict[Colour, Any] = {
     "grey": "0.75",
 }
 ANGLE = Axis("bending angle α, nominal", "rad")
+
+_BESIDE = 55
+"""Letters of a title that leaves room for a line at its right."""
 
 _SIZE = (9.0, 5.0)
 _DPI = 120
@@ -112,7 +116,7 @@ def plot_moment(run: RunRecord, path: Path) -> None:
         curves,
         knots_of(run.scenario),
         axes=(ANGLE, Axis(f"moment at the {run.sensing_side} gripper", "mN m")),
-        title=f"{run.scenario.name}  ({ended(run)})",
+        title=textwrap.fill(f"{run.scenario.name}  ({ended(run)})", _BESIDE, max_lines=4),
     )
     figure, axes = _picture(shown)
     axes.annotate(
