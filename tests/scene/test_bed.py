@@ -421,15 +421,21 @@ def test_a_step_is_divided_where_a_sheet_that_lies_on_tips_comes_off_one() -> No
     assert [pins.parts_by_contacts() for _ in range(3)] == [parts, 1, 1]
 
 
-def off_a_tip(force: float, *, divided: bool) -> float:
-    """Return how deep a sheet falls [m] that is pressed on a tip and comes off it for a moment."""
-    scene, depth = Scene(ROUND), 0.0
+def pressed_on_a_tip(force: float) -> Scene:
+    """Return a sheet at rest on the tips, of which a strip on one of them is pressed down."""
+    scene = Scene(ROUND)
     scene.put(3e-3, 0.0, ROUND.pins.height_m + 5e-4)
     pin = scene.model.geom("pin_middle_left").id
     scene.fall()
-    pressed = next(geom for geom, other, _ in scene.contacts() if other == pin)
-    scene.data.xfrc_applied[scene.model.geom_bodyid[pressed], 2] = -force
+    strip = next(geom for geom, other, _ in scene.contacts() if other == pin)
+    scene.data.xfrc_applied[scene.model.geom_bodyid[strip], 2] = -force
     scene.fall()
+    return scene
+
+
+def off_a_tip(force: float, *, divided: bool) -> float:
+    """Return how deep a sheet falls [m] that is pressed on a tip and comes off it for a moment."""
+    scene, depth = pressed_on_a_tip(force), 0.0
     scene.data.qpos[2] += 5e-6
     if not divided:
         scene.pins.parts_by_contacts = lambda: 1  # type: ignore[method-assign]
@@ -449,13 +455,7 @@ def test_a_sheet_that_comes_off_a_tip_for_a_moment_is_caught_before_it_is_deep(
 
 def test_a_falling_sheet_that_presses_a_tip_is_divided_by_its_force_as_well() -> None:
     """At 50 mm/s a step is divided into 4; what is pressed with 5 N may come off in any of them."""
-    scene = Scene(ROUND)
-    scene.put(3e-3, 0.0, ROUND.pins.height_m + 5e-4)
-    pin = scene.model.geom("pin_middle_left").id
-    scene.fall()
-    pressed = next(geom for geom, other, _ in scene.contacts() if other == pin)
-    scene.data.xfrc_applied[scene.model.geom_bodyid[pressed], 2] = -5.0
-    scene.fall()
+    scene = pressed_on_a_tip(5.0)
     scene.pins.peaks()
     scene.data.qpos[2] -= 0.05 * STEP_S
     mujoco.mj_kinematics(scene.model, scene.data)

@@ -94,7 +94,7 @@ class CpuPhysics:
         self._stiffness = -np.array([model.actuator_biasprm[:joints, 1] for model in models])
         self._drives = Drives(first.torque_limit, self._stiffness, first.model.opt.timestep)
         self._limits = self.data.expand("jnt_actfrcrange")
-        self._limited = [first.model.joint(name).id for name in first.joints]
+        self._limited = first.joint_ids
         self._friction: Stribeck | None = None
         laws = [cell.friction_law for cell in cells if cell.friction_law is not None]
         if laws:

@@ -70,8 +70,8 @@ class Simulation:
         self.dofs = np.array([joint.dofadr[0] for joint in joints])
         self._dofs = indices(self.dofs)
         self.joint_range = np.array([joint.range for joint in joints])
-        self._limited, self._limits = [joint.id for joint in joints], model.jnt_actfrcrange
-        self.torque_limit: Vector = self._limits[self._limited, 1]
+        self.joint_ids, self._limits = [joint.id for joint in joints], model.jnt_actfrcrange
+        self.torque_limit: Vector = self._limits[self.joint_ids, 1]
         self.actuator_stiffness = -model.actuator_biasprm[: len(joints), 1].copy()
         self._drives = Drives(self.torque_limit, self.actuator_stiffness, model.opt.timestep)
         self.sheet = StripModel(model, sheet) if isinstance(sheet, StripConfig) else sheet
@@ -169,7 +169,7 @@ class Simulation:
         return self.observer.observation(data, load, self._drives.torque(told, speed))
 
     def _limit_torques(self) -> None:
-        self._limits[self._limited] = self._drives.range(self.data.qvel.take(self._dofs))
+        self._limits[self.joint_ids] = self._drives.range(self.data.qvel.take(self._dofs))
 
     def sensor_axes_at(self, poses: Vector) -> Vector:
         """Return the axes of both sensors (k, 2, 3, 3) of the true arms at encoders' angles."""

@@ -59,7 +59,7 @@ class Cycle:
         self._friction = None if stiction is None else _Friction(models, dofs, stiction)
         self._ranges = np.array([each.jnt_actfrcrange for each in models])
         self._model.jnt_actfrcrange = wp.array(self._ranges, dtype=wp.vec2)
-        self._joints = [model.joint(name).id for name in simulation.joints]
+        self._joints = simulation.joint_ids
 
     def reset(self, positions: Vector, drives: Vector) -> None:
         """Put the worlds at rest in positions (n, nq), their drives at angles (n, joints)."""
